@@ -185,6 +185,21 @@ class Parameters(BaseModel):
             "The landed vehicle must tilt less than this; 0 is 5 degrees more than safe_slope_deg.",
         ),
     ] = 0.0
+    water_suspicion: Annotated[
+        float,
+        _in(0, 1),
+        Spec("SLZ_WATER", "", OURS, "Ground that is water with more than this probability is never safe."),
+    ] = 0.05
+    roof: Annotated[
+        Literal["allow", "confirm", "refuse"],
+        Spec(
+            "SLZ_ROOF", "", OURS, "Zones on roofs: as any other, only when the operator confirms, or never."
+        ),
+    ] = "confirm"
+    vegetation: Annotated[
+        Literal["allow", "confirm", "refuse"],
+        Spec("SLZ_VEGET", "", OURS, "Zones on crops, reeds and the like: as for roofs."),
+    ] = "confirm"
     coverage_m: Annotated[
         float,
         _in(0.1, 50),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ from slz.prior import Prior
 from slz.prior import Source as PriorSource
 from slz.report import MapReport
 from slz.stage_clock import StageClock
+from slz.surface.surface_map import NO_SIGNAL, Edges, Signal, SurfaceMap
 from slz.window import Window
 from slz.zones.zone_map import ZoneMap
 
@@ -37,6 +39,20 @@ Points = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
 THIN_REACH = 1.2  # of the mapping reach, up to which isolated returns are judged
+
+
+@dataclass(frozen=True, slots=True)
+class KeptPoints:
+    """Points that no outlier rule drops.
+
+    points: (n, 3). alone: (n,), those that are not for the near map. isolated: (m, 3), judged together with
+    those of other windows. source: (n,) indices in the window, None where it has no attributes.
+    """
+
+    points: Points
+    alone: Flags
+    isolated: Points
+    source: NDArray[np.int64] | None
 
 
 class DefaultMethod:
@@ -70,6 +86,7 @@ class DefaultMethod:
             centre_enu_m,
         )
         self._adapter = Adapter(parameters)
+        self._surface = SurfaceMap(0.0, 0.0, parameters)
         self.prior = None if prior is None else Prior(prior, parameters)
 
     @property
@@ -84,11 +101,16 @@ class DefaultMethod:
         new_frame = self._pair.is_new(window)
         if new_frame:
             self._adapter = Adapter(self._p)
-        points, alone, isolated = self._without_outliers(window, sensor_enu_m)
+        kept = self._without_outliers(window, sensor_enu_m)
+        points, alone, isolated = kept.points, kept.alone, kept.isolated
         clock.lap("outliers")
         near, far = self._pair.create_maps(window, lambda: points[:1]) if new_frame else self._pair.maps_now
+        if new_frame:
+            self._surface = SurfaceMap(near.tiles.west_m, near.tiles.south_m, self._p)
+            near.terrain.surface = far.terrain.surface = self._surface
         near_ones = within(points, sensor_enu_m, reach_m(self._p))
-        used = near_ones & ~alone
+        trusted = near_ones & ~alone
+        used = trusted.copy()
         with run_concurrently(self._other, self._chosen, window, _picked(points, near_ones), far) as chosen:
             points, isolated = self._registered(points, isolated, near_ones, sensor_enu_m, near)
             self._contradictions(points, used, alone, sensor_enu_m, near)
@@ -98,8 +120,14 @@ class DefaultMethod:
         for zone_map in (near, far):
             zone_map.terrain.pin(pinned, self._p.touchdown_error_m)
         stamp_s = window.end_ns * 1e-9
-        with run_concurrently(self._other, far.add_points, points, sensor_enu_m, stamp_s, None, near.tiles):
-            near.add_points(_picked(points, used), sensor_enu_m, stamp_s, isolated, reach_m=reach_m(self._p))
+        altered = self._surface_of(points, trusted, sensor_enu_m, near, stamp_s, window, kept)
+        clock.lap("surface")
+        with run_concurrently(
+            self._other, far.add_points, points, sensor_enu_m, stamp_s, None, near.tiles, math.inf, altered
+        ):
+            near.add_points(
+                _picked(points, used), sensor_enu_m, stamp_s, isolated, None, reach_m(self._p), altered
+            )
         clock.lap("terrain")
         near.identify(sensor_enu_m)
         far.identify(sensor_enu_m)
@@ -125,7 +153,7 @@ class DefaultMethod:
 
     # ---- stages ---------------------------------------------------------------------------------
 
-    def _without_outliers(self, window: Window, sensor_enu_m: Points) -> tuple[Points, Flags, Points]:
+    def _without_outliers(self, window: Window, sensor_enu_m: Points) -> KeptPoints:
         """Return the finite points within `max_range_m` that no outlier rule drops, and the isolated ones.
 
         The near map judges the isolated ones together with those of other windows. Where most points are
@@ -134,7 +162,10 @@ class DefaultMethod:
         p = self._p
         points = np.ascontiguousarray(window.points_enu_m)
         height_m, usable_as_they_are = are_usable(points, sensor_enu_m, p.max_range_m**2, MOST_HEIGHT_M)
+        source = None if window.attributes is None else np.arange(len(points))
         if not usable_as_they_are:
+            if source is not None:
+                source = source[_usable(points, sensor_enu_m, p.max_range_m**2)]
             points = usable(points, sensor_enu_m, p.max_range_m**2, MOST_HEIGHT_M)
             height_m = points[:, 2].copy()
         in_flight = is_known(sensor_enu_m)  # a stored cloud was cleaned by who made it
@@ -144,12 +175,42 @@ class DefaultMethod:
         keep[strays] = in_cluster(points[strays], *(FLIGHT_GROUP if in_flight else CLOUD_GROUP))
         kept = picked(points, keep)
         if not in_flight:
-            return kept, np.zeros(len(kept), bool), np.empty((0, 3))
+            source = None if source is None else source[keep]
+            return KeptPoints(kept, np.zeros(len(kept), bool), np.empty((0, 3)), source)
         isolated = picked(points, ~keep)
         mostly = len(isolated) > len(kept)
         dense = is_dense_at(isolated, sensor_enu_m, len(points))
         isolated = picked(isolated, within(isolated, sensor_enu_m, THIN_REACH * reach_m(p)) & ~dense)
-        return (points.copy(), ~keep, isolated) if mostly else (kept, np.zeros(len(kept), bool), isolated)
+        if mostly:
+            return KeptPoints(points.copy(), ~keep, isolated, source)
+        source = None if source is None else source[keep]
+        return KeptPoints(kept, np.zeros(len(kept), bool), isolated, source)
+
+    def _surface_of(
+        self,
+        points: Points,
+        trusted: Flags,
+        sensor: Points,
+        near: ZoneMap,
+        stamp_s: float,
+        window: Window,
+        kept: KeptPoints,
+    ) -> list[Edges]:
+        """Add points to the surface map; return the edges of the places where it refuses other cells."""
+        attributes, source, datum_m = window.attributes, kept.source, np.array([0.0, 0.0, near.tiles.datum_m])
+        signal = NO_SIGNAL
+        if attributes is not None and source is not None:
+            signal = Signal(
+                attributes.intensity[source],
+                attributes.echoes[source],
+                attributes.lost_enu_m - datum_m,
+                attributes.lost_origin_enu_m - datum_m,
+                attributes.lost_weight,
+            )
+        now_s = near.tiles.now_s(stamp_s)
+        grid = near.terrain.grid
+        edges = grid.west_m, grid.south_m, grid.east_m, grid.north_m
+        return self._surface.update(points, trusted, sensor - datum_m, now_s, signal, edges)
 
     def _chosen(self, window: Window, points_enu_m: Points, far: ZoneMap) -> Choice:
         """Choose the next window and the far map's level, and set that level."""
@@ -178,6 +239,14 @@ class DefaultMethod:
         if is_known(sensor):
             others = np.flatnonzero(~(used | alone))
             used[others] = terrain.tiles.contradicted_by(points[others], sensor, terrain.noise, least_m)
+
+
+def _usable(points: Points, sensor_enu_m: Points, reach2: float) -> Flags:
+    """Return the mask of the points that `usable` returns."""
+    with np.errstate(invalid="ignore"):
+        way = points[:, :2] - sensor_enu_m[:2]
+        beyond = np.einsum("ij,ij->i", way, way) > reach2
+        return np.asarray(~beyond & (np.abs(points[:, 2]) < MOST_HEIGHT_M) & np.isfinite(points).all(axis=1))
 
 
 def _picked(points: Points, which: NDArray[np.bool_]) -> Points:

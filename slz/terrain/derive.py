@@ -69,12 +69,19 @@ class CoveredCells:
 
     @classmethod
     def of(
-        cls, cells: NDArray[np.float32], reach: Reach, cell_m: float, parameters: Parameters
+        cls,
+        cells: NDArray[np.float32],
+        reach: Reach,
+        cell_m: float,
+        parameters: Parameters,
+        refused: NDArray[np.bool_] | None = None,
     ) -> CoveredCells:
         """Compute the bitmaps, see `derive`."""
         known, cols = above(cells[WEIGHT], np.float32(0)), cells.shape[2]
         covered = eroded(closed(known, reach.gap, cols), reach.radius, cols)
         unseen = _unseen(known, cells[HEIGHT], reach, cell_m, parameters)
+        if refused is not None:  # what may be water counts as unseen
+            unseen |= dilated(above(refused.astype(np.float32), np.float32(0)), reach.radius, cols)
         return cls(
             cells,
             covered,
@@ -94,7 +101,11 @@ class CoveredCells:
 
 
 def derive(
-    cells: NDArray[np.float32], reach: Reach, cell_m: float, parameters: Parameters
+    cells: NDArray[np.float32],
+    reach: Reach,
+    cell_m: float,
+    parameters: Parameters,
+    refused: NDArray[np.bool_] | None = None,
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
     """Derive the maps of all cells but a margin of `reach.margin` on every side.
 
@@ -102,12 +113,14 @@ def derive(
     ----------
     cells
         (6, rows, cols) of `slz.kernels.cells.cell_statistics.summarise`.
+    refused
+        (rows, cols), cells whose surface is refused, such as water; None for none.
 
     Returns
     -------
     (layers, rows, cols) float32, see `slz.terrain.layers`, and (1, rows, cols) uint8 states.
     """
-    seen, m = CoveredCells.of(cells, reach, cell_m, parameters), reach.margin
+    seen, m = CoveredCells.of(cells, reach, cell_m, parameters, refused), reach.margin
     rows, cols = cells.shape[1] - 2 * m, cells.shape[2] - 2 * m
     wide = -(-cols // LANES) * LANES
     maps, states = np.empty((len(LAYERS), rows, wide), np.float32), np.empty((1, rows, wide), np.uint8)

@@ -19,6 +19,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,16 @@ DERIVED_BLOCK = 512  # cells along the side of a box that is derived at a time
 MIB = 2.0**20
 BLOCK = 16  # cells along the side of what is derived again for a thin object
 State = NDArray[np.uint8]
+Edges = tuple[float, float, float, float]
+
+
+class RefusedGround(Protocol):
+    """Ground that is refused for its surface, whatever its shape."""
+
+    def refused(
+        self, west_m: float, south_m: float, cell_m: float, rows: int, cols: int
+    ) -> NDArray[np.bool_] | None:
+        """Return which cells of a raster from a corner on are refused; None where none is."""
 
 
 class EvidenceTerrain(UnboundedTerrain):
@@ -64,7 +75,8 @@ class EvidenceTerrain(UnboundedTerrain):
     Notes
     -----
     serial: number of the maps; it changes when all tiles must be read again. changed_tiles: tiles
-    derived or dropped since the set was last emptied.
+    derived or dropped since the set was last emptied. surface: what refuses ground for its surface, None for
+    nothing.
     """
 
     def __init__(
@@ -85,6 +97,7 @@ class EvidenceTerrain(UnboundedTerrain):
         self._aged_s = 0.0
         self._n_derived, self._new = 0, [0]
         self._thin = ThinObjects()
+        self.surface: RefusedGround | None = None
         self._oldest_s: dict[Key, float] = {}  # last seen time of the cell not seen for longest
         self._reach = reach_of(parameters, grid.cell_m)
         self.radius, self._margin = self._reach.radius, self._reach.margin
@@ -122,17 +135,19 @@ class EvidenceTerrain(UnboundedTerrain):
         stamp_s: float,
         isolated_enu_m: NDArray[np.float64] | None = None,
         reach_m: float = math.inf,
+        altered_m: Iterable[Edges] = (),
     ) -> Change:
         """Add one window of points, in stored heights (over `tiles.datum_m`), and derive the changed maps.
 
         Points outside the window's grid are skipped. When the budget of tiles is used, the ground not
         seen for longest is evicted; where none can be, points are dropped and counted. Isolated returns are
         judged together with those of earlier windows, see `slz.terrain.thin_objects`; those beyond
-        `reach_m` from the sensor are never ground.
+        `reach_m` from the sensor are never ground. Within the edges of `altered_m` (west, south, east,
+        north) the surface refuses other cells than before.
         """
         now_s = self.tiles.now_s(stamp_s)
         change = self._accumulate(points_enu_m, sensor_enu_m)
-        altered: list[Box] = []
+        altered = [self._box_within(*edges) for edges in altered_m]
         if isolated_enu_m is not None:
             ground = self._thin.update(
                 isolated_enu_m,
@@ -144,7 +159,7 @@ class EvidenceTerrain(UnboundedTerrain):
             )
             if len(ground):
                 change = change.together_with(self._accumulate(ground, sensor_enu_m))
-            altered = self._boxes_around(self._thin.altered_enu_m)
+            altered += self._boxes_around(self._thin.altered_enu_m)
         self._derive_all([*change.boxes, *altered, *map(box_of_tile, change.evicted)])
         for key in self._aged(now_s):
             self._derive_all([box_of_tile(key)])
@@ -180,6 +195,14 @@ class EvidenceTerrain(UnboundedTerrain):
         col, row = place.astype(np.int64).T
         corners = {(int(r) * BLOCK, int(c) * BLOCK) for r, c in zip(row, col, strict=True)}
         return [Box(r, r + BLOCK, c, c + BLOCK) for r, c in sorted(corners)]
+
+    def _box_within(self, west_m: float, south_m: float, east_m: float, north_m: float) -> Box:
+        """Return the finest cells that a rectangle touches."""
+        tiles = self.tiles
+        rows = (math.floor((m - tiles.south_m) / tiles.cell_m) for m in (south_m, north_m))
+        cols = (math.floor((m - tiles.west_m) / tiles.cell_m) for m in (west_m, east_m))
+        (row0, row1), (col0, col1) = rows, cols
+        return Box(row0, row1 + 1, col0, col1 + 1)
 
     def _aged(self, now_s: float) -> list[Key]:
         """Return the tiles to derive again as a whole because some of their cells became too old.
@@ -251,7 +274,17 @@ class EvidenceTerrain(UnboundedTerrain):
         """Derive the maps of a box from the evidence of the box and its surroundings."""
         m = self._margin
         cells = self._cells(Box(box.row0 - m, box.row1 + m, box.col0 - m, box.col1 + m))
-        self._maps.derive(box, CoveredCells.of(cells, self._reach, self.grid.cell_m, self._parameters))
+        refused = None
+        if self.surface is not None:
+            cell_m, (rows, cols) = self.grid.cell_m, cells.shape[1:]
+            west_m, south_m = (
+                self.tiles.west_m + (box.col0 - m) * cell_m,
+                self.tiles.south_m + (box.row0 - m) * cell_m,
+            )
+            refused = self.surface.refused(west_m, south_m, cell_m, rows, cols)
+        self._maps.derive(
+            box, CoveredCells.of(cells, self._reach, self.grid.cell_m, self._parameters, refused)
+        )
         self.changed_tiles.update(keys_over(box))
 
     def moved(self, grid: Grid) -> EvidenceTerrain:
@@ -270,6 +303,7 @@ class EvidenceTerrain(UnboundedTerrain):
         west_m, south_m = self.tiles.west_m + col0 * cell_m, self.tiles.south_m + row0 * cell_m
         new = EvidenceTerrain(Grid(west_m, south_m, cell_m, side, side), self._parameters, self.tiles, level)
         new.pinned, new._aged_s, new._thin = self.pinned, self._aged_s, self._thin
+        new.surface = self.surface
         new._seen = _widened(_scaled(self._seen, self.level), level, 0)
         new._derive_all(self.tiles.boxes)
         new._oldest_s = dict(self._oldest_s)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
 from slz.grid import Grid
-from slz.terrain.terrain import EvidenceTerrain
+from slz.terrain.terrain import Edges, EvidenceTerrain
 from slz.terrain.tiles import Tiles
 from slz.zone import Zone
 from slz.zones.description import Content, describe
@@ -62,6 +62,7 @@ class ZoneMap:
         isolated_enu_m: Points | None = None,
         like: Tiles | None = None,
         reach_m: float = math.inf,
+        altered_m: Sequence[Edges] = (),
     ) -> None:
         """Add a window's points and search the terrain.
 
@@ -75,13 +76,15 @@ class ZoneMap:
             Evidence whose datum the points refer to, by default its own.
         reach_m
             Horizontal distance from the sensor beyond which isolated returns are never ground.
+        altered_m
+            Edges of the places where the surface refuses other cells than before.
         """
         self._follow(sensor_enu_m)
         terrain = self.terrain
         if like is not None:
             terrain.tiles.datum_m = like.datum_m
         sensor_there_m = sensor_enu_m - (0.0, 0.0, terrain.tiles.datum_m)
-        change = terrain.add(points_enu_m, sensor_there_m, stamp_s, isolated_enu_m, reach_m)
+        change = terrain.add(points_enu_m, sensor_there_m, stamp_s, isolated_enu_m, reach_m, altered_m)
         self.n_without_tile, self.n_evicted = change.n_dropped, len(change.evicted)
         self.candidates = self._search()
 

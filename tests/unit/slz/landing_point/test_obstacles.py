@@ -123,7 +123,8 @@ def test_in_a_stadium_the_stands_are_all_around(slope_deg: float) -> None:
     """SLZ thesis Figure 4-18: the field is plain, the stands rise from 8 m on in every direction."""
     way = np.hypot(*np.meshgrid(axis(), axis()))
     stands = np.where(way > 8, 1.0 + 0.5 * np.floor(way - 8.1), 0.0)
-    found = around(plane(slope_deg, 90) + stands)
+    may_be_a_pool = "water_suspicion=1"  # what is dead level within walls all around may be one
+    found = around(plane(slope_deg, 90) + stands, (0.0, 0.0), may_be_a_pool)
     (ring,) = found.obstacles
     west, south, east, north = ring.extent_m
     assert min(east, north, -west, -south) > REACH_M - 2 * CELL_M

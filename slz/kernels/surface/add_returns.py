@@ -1,0 +1,186 @@
+"""Accumulation of returns and of lost rays in surface cells."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from slz.kernels.argument_types import Array1D, Array2D, Array4D, Float32, ReadOnly1D
+from slz.kernels.jit import kernel
+from slz.kernels.surface.surface_record import (
+    ANSWER_M,
+    APART_M,
+    BRIGHT,
+    COUNT,
+    DEEP,
+    DIM,
+    FLATTEST_DEG,
+    HIGH,
+    LOST,
+    LOW,
+    MEAN,
+    N_DIM,
+    OBLIQUE,
+    OBLIQUE_DEG,
+    SEVERAL,
+    SQUARES,
+    STEEP,
+    STEEP_DEG,
+    SURFACE_FIELDS,
+    TALL,
+    TIME,
+    TOLD,
+)
+
+SIDE_BITS = 6
+SIDE = 1 << SIDE_BITS  # cells along the side of a tile
+MOST_COUNT = np.float32(50_000)  # returns of a cell, above which all its sums are halved
+STEEP_TAN2 = math.tan(math.radians(STEEP_DEG)) ** 2
+OBLIQUE_TAN2 = math.tan(math.radians(OBLIQUE_DEG)) ** 2
+FLATTEST_TAN2 = math.tan(math.radians(FLATTEST_DEG)) ** 2
+F1, APART = np.float32(1), np.float32(APART_M)
+
+
+@kernel
+def tiles_hit(
+    points: Array2D[np.float64], west: float, south: float, cell: float, hit: Array2D[np.bool_]
+) -> None:
+    """Mark the tiles that hold a point; tile (0, 0) begins at (west, south), points elsewhere are skipped."""
+    rows, cols, side = hit.shape[0], hit.shape[1], cell * SIDE
+    for i in range(len(points)):
+        r, c = np.floor((points[i, 1] - south) / side), np.floor((points[i, 0] - west) / side)
+        if r >= 0.0 and c >= 0.0 and r < rows and c < cols:
+            hit[int(r), int(c)] = True
+
+
+@kernel
+def add_returns(
+    points: Array2D[np.float64],
+    sensor: Array1D[np.float64],
+    is_near: Array1D[np.bool_],
+    intensity: Array1D[np.float32],
+    echoes: Array1D[np.uint8],
+    now_s: Float32,
+    max_age_s: Float32,
+    west: float,
+    south: float,
+    cell: float,
+    table: Array2D[np.int32],
+    pool: Array4D[np.float32],
+) -> None:
+    """Add returns to their cells; cells not hit for `max_age_s` are cleared first.
+
+    Parameters
+    ----------
+    points, sensor
+        (n, 3) and (3,); with NaN as the sensor's position the incidence is unknown.
+    is_near
+        (n,), whether the height counts; of the others only incidence and echoes do.
+    intensity, echoes
+        (n,) or empty; NaN and 0 where unknown.
+    table, pool
+        Slot of each tile, -1 for none, from (west, south) on, and (slots, SIDE, SIDE, SURFACE_FIELDS).
+    """
+    rows, cols, known = table.shape[0] * SIDE, table.shape[1] * SIDE, not math.isnan(sensor[0])
+    for i in range(len(points)):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        row, col = np.floor((y - south) / cell), np.floor((x - west) / cell)
+        if not (row >= 0.0 and col >= 0.0 and row < rows and col < cols):
+            continue
+        r, c = int(row), int(col)
+        slot = table[r >> SIDE_BITS, c >> SIDE_BITS]
+        if slot < 0:
+            continue
+        held = pool[slot, r & (SIDE - 1), c & (SIDE - 1)]
+        if now_s - held[TIME] > max_age_s:
+            for f in range(SURFACE_FIELDS):
+                held[f] = 0
+        held[TIME] = now_s
+        if is_near[i]:
+            h = np.float32(z)
+            if held[COUNT] > 0:
+                held[DEEP] += h < held[MEAN] - APART
+                held[TALL] += h > held[MEAN] + APART
+                held[LOW], held[HIGH] = min(held[LOW], h), max(held[HIGH], h)
+            else:
+                held[LOW] = held[HIGH] = h
+            held[COUNT] += F1
+            off = h - held[MEAN]
+            held[MEAN] += off / held[COUNT]
+            held[SQUARES] += off * (h - held[MEAN])
+        if len(echoes) > 0 and echoes[i] > 0:
+            held[TOLD] += F1
+            held[SEVERAL] += echoes[i] > 1
+        if known:
+            dx, dy, dz = x - sensor[0], y - sensor[1], sensor[2] - z
+            tan2 = (dx * dx + dy * dy) / (dz * dz) if dz > 0.0 else np.inf
+            oblique, steep = tan2 >= OBLIQUE_TAN2, tan2 <= STEEP_TAN2
+            held[OBLIQUE] += oblique
+            held[STEEP] += steep
+            if len(intensity) > 0 and intensity[i] == intensity[i] and not oblique:
+                if steep:
+                    held[BRIGHT] += intensity[i]
+                else:
+                    held[DIM] += intensity[i]
+                    held[N_DIM] += F1
+        if held[COUNT] > MOST_COUNT:
+            for f in range(SURFACE_FIELDS):
+                if f != MEAN and f != LOW and f != HIGH and f != TIME:
+                    held[f] *= np.float32(0.5)
+
+
+@kernel
+def add_lost(
+    rays: Array2D[np.float64],
+    origins: Array2D[np.float64],
+    weights: ReadOnly1D[np.float32],
+    ground_m: float,
+    west: float,
+    south: float,
+    cell: float,
+    table: Array2D[np.int32],
+    pool: Array4D[np.float32],
+) -> int:
+    """Add oblique rays without a return to the cells where they met the ground; return how many counted.
+
+    The ground is at `ground_m`, or at the mean of the cell's returns if it has any. Rays that met it beyond
+    `ANSWER_M`, too steeply or too flatly, or where no tile is, do not count.
+
+    Parameters
+    ----------
+    rays, origins
+        (n, 3), a point on each ray and the sensor's position when it was fired, in the heights of the cells.
+    weights
+        (n,), number of rays that each stands for.
+    """
+    rows, cols, n = table.shape[0] * SIDE, table.shape[1] * SIDE, 0
+    for i in range(len(rays)):
+        east, north, up = origins[i, 0], origins[i, 1], origins[i, 2]
+        dx, dy, dz = rays[i, 0] - east, rays[i, 1] - north, up - rays[i, 2]
+        if not dz > 0.0:
+            continue
+        tan2 = (dx * dx + dy * dy) / (dz * dz)
+        if not (OBLIQUE_TAN2 <= tan2 <= FLATTEST_TAN2):
+            continue
+        height, slot, r, c = ground_m, np.int32(-1), 0, 0
+        for _ in range(2):
+            t = (up - height) / dz
+            row = np.floor((north + t * dy - south) / cell)
+            col = np.floor((east + t * dx - west) / cell)
+            slot = np.int32(-1)
+            if not (t > 0.0 and row >= 0.0 and col >= 0.0 and row < rows and col < cols):
+                break
+            r, c = int(row), int(col)
+            slot = table[r >> SIDE_BITS, c >> SIDE_BITS]
+            if slot < 0:
+                break
+            held = pool[slot, r & (SIDE - 1), c & (SIDE - 1)]
+            if held[COUNT] == 0:
+                break
+            height = float(held[MEAN])
+        drop = up - height
+        if slot >= 0 and drop > 0.0 and drop * drop * (1 + tan2) <= ANSWER_M * ANSWER_M:
+            pool[slot, r & (SIDE - 1), c & (SIDE - 1), LOST] += weights[i]
+            n += 1
+    return n

@@ -1,0 +1,43 @@
+"""Classification of surface cells: the probability of each kind from the evidence of all rules."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slz.surface.level_extents import level_extents
+from slz.surface.penetration import DEPTH_M, penetration
+from slz.surface.raised_plateaus import raised_plateaus
+from slz.surface.surface_cells import Floats, SurfaceCells
+from slz.surface.surface_kinds import SurfaceKind
+from slz.surface.surface_layers import SurfaceLayers
+from slz.surface.vanishing_returns import vanishing_returns
+
+SCORE_WATER = -4.7  # log odds of water before any evidence
+STEEP = 0.02  # gradient that no water has
+SCORE_STEEP = -2.0
+FEWEST_RETURNS = 8.0  # in the window of a plane, to tell a kind
+LIKELIEST = np.array(
+    [SurfaceKind.WATER, SurfaceKind.ROOF, SurfaceKind.LOW_VEGETATION, SurfaceKind.CANOPY, SurfaceKind.BARE]
+)
+
+
+def classify(cells: SurfaceCells) -> SurfaceLayers:
+    """Tell the kinds of surface of a box of cells."""
+    extents, plateaus, plants = level_extents(cells), raised_plateaus(cells), penetration(cells)
+    log_odds = SCORE_WATER + extents.evidence() + vanishing_returns(cells, extents)
+    with np.errstate(invalid="ignore"):
+        log_odds += np.where(cells.gradient > STEEP, SCORE_STEEP, 0)
+    there = cells.seen | (extents.labels > 0)
+    water = np.where(there, _probability(log_odds), 0)
+    plant = np.where(cells.seen, _probability(plants.log_odds), 0) * (1 - water)
+    tall = np.clip((plants.depth_m - DEPTH_M) / 0.5 + 0.5, 0, 1)
+    roof = np.where(cells.seen, _probability(plateaus.log_odds), 0) * (1 - water - plant)
+    parts = np.stack([water, roof, plant * (1 - tall), plant * tall])
+    bare = np.where(cells.seen & (cells.n_around >= FEWEST_RETURNS), 1 - parts.sum(axis=0), 0)
+    likelihood = np.concatenate([parts, bare[np.newaxis]])
+    kind = np.where(likelihood.max(axis=0) > 0.5, LIKELIEST[likelihood.argmax(axis=0)], SurfaceKind.UNKNOWN)
+    return SurfaceLayers(np.stack([*parts, plateaus.raised_m, kind]).astype(np.float32))
+
+
+def _probability(log_odds: Floats) -> Floats:
+    return np.asarray(1 / (1 + np.exp(-np.clip(log_odds, -30, 30))), np.float32)

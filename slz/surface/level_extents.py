@@ -1,0 +1,123 @@
+"""Extents of one level with banks: still water is level to centimetres, and the ground rises around it.
+
+Water in airborne LiDAR by geometry alone, without a trained classifier: arXiv 2301.06567. Tarmac and pitches
+drain by 0.5 to 2 %, so their level changes within metres, and they go on without a bank.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from slz.surface.surface_cells import PLANE_RADIUS, Floats, SurfaceCells, maximum_around
+
+GRADIENT, RESIDUAL_M = 0.01, 0.06  # of a plane over five cells: level as water, even with ripples
+SMALLEST_M2 = 40.0  # extent of level planes, that is without a margin of two cells
+BAND_M = 0.06  # a cell at the shore belongs to the water if its mean is so near the level
+BANK_M = 0.10  # ground higher than the level by this is a bank
+BANK_CELLS = 4  # width of the ring in which banks are looked for
+FEWEST_RING = 12  # cells of the ring that were seen
+SECTORS = 12  # directions in which a bank is looked for
+EXACT_M, POOR_M = 0.006, 0.03  # standard deviation of the level of water, and of ground
+
+EXTENTS_M2 = 40.0, 100.0, 400.0, 10_000.0, 40_000.0  # nothing but water is level over so much
+SCORE_EXTENTS = -2.0, 0.0, 1.5, 1.5, 3.0  # log odds
+SCORE_POOR = 1.5
+SCORE_BANKS = 3.5
+SCORE_EVEN = -2.5
+SCORE_SPILL = -4.0
+
+
+@dataclass(frozen=True, slots=True)
+class LevelExtents:
+    """Extents of one level.
+
+    labels: (rows, cols) int32, 0 for none. log_odds: of each label, what the extent says for water.
+    """
+
+    labels: NDArray[np.int32]
+    log_odds: NDArray[np.float64]
+
+    def evidence(self) -> Floats:
+        """Return the log odds for water of every cell, 0 where no extent is."""
+        return np.asarray(self.log_odds[self.labels], np.float32)
+
+
+def level_extents(cells: SurfaceCells) -> LevelExtents:
+    """Find the extents of one level, and how much they are like water."""
+    with np.errstate(invalid="ignore"):
+        core = (cells.gradient < GRADIENT) & (cells.residual_m < RESIDUAL_M)
+    labels, n = ndimage.label(core)
+    wide = np.bincount(labels.ravel(), minlength=n + 1) * cells.cell_m**2 >= SMALLEST_M2
+    wide[0] = False
+    n = int(np.count_nonzero(wide))
+    if n == 0:
+        return LevelExtents(np.zeros(cells.shape, np.int32), np.zeros(1))
+    number = np.zeros(len(wide), np.int32)
+    number[wide] = np.arange(1, n + 1)
+    labels = number[labels]
+    own = labels[labels > 0] - 1
+    size = np.bincount(own)
+    height = cells.level_m[labels > 0].astype(np.float64)
+    level = np.bincount(own, height) / size
+    variance = np.bincount(own, (height - level[own]) ** 2) / size
+    of_noise = cells.residual_m[labels > 0] ** 2 / cells.n_around[labels > 0]
+    inexact_m = np.sqrt(np.maximum(0, variance - np.bincount(own, of_noise) / size))
+    level = np.concatenate([[np.nan], level])
+    grown = _with_shore(cells, labels, level)
+    score = np.zeros(n + 1)
+    exact = np.interp(inexact_m, [EXACT_M, POOR_M], [1.0, -1.0])
+    area = np.interp(np.log(size * cells.cell_m**2), np.log(EXTENTS_M2), SCORE_EXTENTS)
+    score[1:] = np.minimum(area, 0) + np.maximum(area, 0) * exact - SCORE_POOR * np.maximum(-exact, 0)
+    score[1:] += _banks(cells, grown, level)[1:]
+    return LevelExtents(grown, score)
+
+
+def _with_shore(
+    cells: SurfaceCells, labels: NDArray[np.int32], level: NDArray[np.float64]
+) -> NDArray[np.int32]:
+    """Return labels grown over the margin that the planes leave, up to cells that rise from the level."""
+    grown, seen = labels, cells.seen
+    for _ in range(PLANE_RADIUS + 1):
+        nearest = maximum_around(grown, 1)
+        with np.errstate(invalid="ignore"):
+            belongs = ~seen | (np.abs(cells.mean_m - level[nearest]) < BAND_M)
+        grown = np.where((grown == 0) & belongs, nearest, grown)
+    inside = ndimage.binary_closing((grown > 0) & seen, iterations=2)
+    return np.where(
+        seen | inside, grown, 0
+    )  # gaps within belong to the extent, those beyond its shore do not
+
+
+def _banks(cells: SurfaceCells, grown: NDArray[np.int32], level: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the log odds for water from what lies around each extent: banks, even ground, or a drop.
+
+    Banks on one side are a wall beside a yard: they must be seen in several directions from the middle.
+    """
+    n, margin = len(level), BANK_CELLS + 1
+    wide = np.pad(grown, margin)
+    filled = ndimage.binary_fill_holes(wide > 0)  # what stands within an extent is no bank of it
+    nearest = maximum_around(wide, BANK_CELLS)
+    row, col = np.nonzero(~filled & (nearest > 0) & np.pad(cells.seen, margin))
+    own = nearest[row, col]
+    above = np.pad(cells.mean_m, margin)[row, col] - level[own]
+    total = np.maximum(np.bincount(own, minlength=n), 1)
+    up, down, even = (
+        np.bincount(own, which, n) / total
+        for which in (above > BANK_M, above < -BANK_M, np.abs(above) <= BANK_M)
+    )
+    score = SCORE_EVEN * np.clip((even - 0.3) / 0.4, 0, 1) + SCORE_SPILL * np.clip((down - 0.03) / 0.15, 0, 1)
+    place = np.nonzero(wide)
+    size = np.maximum(np.bincount(wide[place], minlength=n), 1)
+    middle = [np.bincount(wide[place], at, n) / size for at in place]
+    bearing = np.arctan2(row - middle[0][own], col - middle[1][own]) / (2 * np.pi) % 1.0
+    sector = own * SECTORS + np.minimum((bearing * SECTORS).astype(np.int64), SECTORS - 1)
+    banked = np.bincount(sector, above > BANK_M, n * SECTORS) > 0.5 * np.maximum(
+        np.bincount(sector, minlength=n * SECTORS), 1
+    )
+    sides = banked.reshape(n, SECTORS).sum(axis=1)
+    score += SCORE_BANKS * np.clip((up - 0.35) / 0.35, 0, 1) * np.clip((sides - 6) / 2, 0, 1)
+    return np.asarray(np.where(total >= FEWEST_RING, score, 0.0))

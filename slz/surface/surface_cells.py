@@ -1,0 +1,114 @@
+"""Dense arrays of surface cells, from which the rules tell the kinds of surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.surface.smooth_planes import smooth_planes
+from slz.kernels.surface.surface_record import (
+    COUNT,
+    GRADIENT,
+    LEVEL,
+    MEAN,
+    RESIDUAL,
+    SQUARES,
+    N,
+)
+
+Floats = NDArray[np.float32]
+Flags = NDArray[np.bool_]
+T = TypeVar("T", bound=np.generic)
+PLANE_RADIUS = 2  # cells
+
+
+@dataclass(frozen=True)
+class SurfaceCells:
+    """Evidence of a box of surface cells.
+
+    fields: (SURFACE_FIELDS, rows, cols) of `slz.kernels.surface.surface_record`. cell_m: side of a cell.
+    """
+
+    fields: Floats
+    cell_m: float
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.fields.shape[1], self.fields.shape[2]
+
+    @cached_property
+    def seen(self) -> Flags:
+        """Cells with a return whose height counts."""
+        return self.fields[COUNT] > 0
+
+    @property
+    def mean_m(self) -> Floats:
+        """Mean height of the returns; meaningless where nothing was seen."""
+        return self.fields[MEAN]
+
+    @cached_property
+    def spread_m(self) -> Floats:
+        """Standard deviation of the heights within a cell, 0 where nothing was seen."""
+        n = np.maximum(self.fields[COUNT], 1)
+        return np.asarray(np.sqrt(np.maximum(self.fields[SQUARES], 0) / n), np.float32)
+
+    @cached_property
+    def _planes(self) -> Floats:
+        count, mean, squares = (np.ascontiguousarray(self.fields[f]) for f in (COUNT, MEAN, SQUARES))
+        return smooth_planes(count, mean, squares, PLANE_RADIUS, self.cell_m)
+
+    @property
+    def n_around(self) -> Floats:
+        """Returns of the window around a cell, `PLANE_RADIUS` cells to every side."""
+        return np.asarray(self._planes[N])
+
+    @property
+    def level_m(self) -> Floats:
+        """Height of the plane through that window."""
+        return np.asarray(self._planes[LEVEL])
+
+    @property
+    def gradient(self) -> Floats:
+        """Gradient of that plane."""
+        return np.asarray(self._planes[GRADIENT])
+
+    @property
+    def residual_m(self) -> Floats:
+        """Residual of that plane, root mean square."""
+        return np.asarray(self._planes[RESIDUAL])
+
+
+def maximum_around(values: NDArray[T], radius: int) -> NDArray[T]:
+    """Return the greatest value within squares of `radius` cells to every side."""
+    out = values.copy()
+    for axis in (0, 1):
+        held = out.copy()
+        for step in range(1, radius + 1):
+            low, high = _shifted(axis, step)
+            np.maximum(out[low], held[high], out=out[low])
+            np.maximum(out[high], held[low], out=out[high])
+    return out
+
+
+def sum_around(values: Floats, radius: int) -> Floats:
+    """Return the sums over squares of `radius` cells to every side."""
+    total = values.astype(np.float64)
+    for axis in (0, 1):
+        padding = [(0, 0), (0, 0)]
+        padding[axis] = (radius + 1, radius)
+        sums = np.cumsum(np.pad(total, padding), axis=axis)
+        n = total.shape[axis]
+        total = np.take(sums, range(2 * radius + 1, 2 * radius + 1 + n), axis) - np.take(sums, range(n), axis)
+    return np.asarray(total, np.float32)
+
+
+def _shifted(axis: int, step: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
+    low: list[slice] = [slice(None), slice(None)]
+    high = low.copy()
+    low[axis], high[axis] = slice(None, -step), slice(step, None)
+    return tuple(low), tuple(high)

@@ -1,0 +1,264 @@
+"""Surface map of a flight: evidence of surface cells in tiles, and what it says the ground is."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from params import Parameters
+from slz.grid import Box
+from slz.kernels.surface.add_returns import SIDE, add_lost, add_returns, tiles_hit
+from slz.kernels.surface.surface_record import COUNT, SURFACE_FIELDS, TIME
+from slz.surface.classification import SurfaceLayers, classify
+from slz.surface.surface_cells import SurfaceCells
+
+Key = tuple[int, int]
+Edges = tuple[float, float, float, float]
+Points = NDArray[np.float64]
+CELL_M = 1.0  # least side of a surface cell
+AROUND_M = 32.0  # beyond the returns of a window, within which cells are classified with them
+PART_M = 1024.0  # side of a square that is classified at a time
+SHARE = 1 / 20  # of the memory for evidence
+TILE_BYTES = SIDE * SIDE * 4 * (SURFACE_FIELDS + N_LAYERS)
+LEAST_TILES = 16
+FOOT_M = 10.0  # around the vehicle, in which the ground that lost rays met is sought
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """Evidence of a window's points beyond their place.
+
+    intensity: (n,) float32 in the sensor's units, NaN where unknown, or empty. echoes: (n,) uint8, number of
+    returns of the ray, 0 where unknown, or empty. lost_enu_m, lost_origin_enu_m: (m, 3), a point on each ray
+    without a return and the sensor then, in stored heights; lost_weight: (m,), rays that each stands for.
+    """
+
+    intensity: NDArray[np.float32]
+    echoes: NDArray[np.uint8]
+    lost_enu_m: Points
+    lost_origin_enu_m: Points
+    lost_weight: NDArray[np.float32]
+
+
+NO_SIGNAL = Signal(
+    np.empty(0, np.float32),
+    np.empty(0, np.uint8),
+    np.empty((0, 3)),
+    np.empty((0, 3)),
+    np.empty(0, np.float32),
+)
+
+
+class SurfaceMap:
+    """What the ground is, in cells of about a metre that near cells divide evenly.
+
+    Parameters
+    ----------
+    west_m, south_m
+        Corner of the near map's cells, from which surface cells count.
+    """
+
+    def __init__(self, west_m: float, south_m: float, parameters: Parameters) -> None:
+        self.west_m, self.south_m = west_m, south_m
+        self.cell_m = parameters.cell_m * max(1, round(CELL_M / parameters.cell_m))
+        self._parameters = parameters
+        capacity = max(LEAST_TILES, int(parameters.memory_mb * SHARE * 2**20 / TILE_BYTES))
+        self._pool = np.zeros((capacity, SIDE, SIDE, SURFACE_FIELDS), np.float32)
+        self._layers = np.zeros((capacity, N_LAYERS, SIDE, SIDE), np.float32)
+        self._n_refused = np.zeros(capacity, np.int64)
+        self._slot: dict[Key, int] = {}
+        self._last_s: dict[Key, float] = {}
+        self._free = list(range(capacity))[::-1]
+
+    def update(
+        self,
+        points: Points,
+        is_near: NDArray[np.bool_],
+        sensor: Points,
+        now_s: float,
+        signal: Signal,
+        grid_edges: Edges,
+    ) -> list[Edges]:
+        """Add a window's points and classify the ground they hit.
+
+        Parameters
+        ----------
+        points, is_near
+            (n, 3) in stored heights, and (n,) whether their heights are certain enough.
+        sensor
+            (3,) in stored heights, NaN where unknown.
+        grid_edges
+            West, south, east and north edge of the map.
+
+        Returns
+        -------
+        West, south, east, north edges of the tiles in which other cells are refused now.
+        """
+        near = points[is_near & within_edges(points, grid_edges)]
+        if not len(near):
+            return []
+        low, high = near[:, :2].min(axis=0), near[:, :2].max(axis=0)
+        side = self.cell_m * SIDE
+        first = np.floor((low - (self.west_m, self.south_m)) / side).astype(np.int64)
+        last = np.floor((high - (self.west_m, self.south_m)) / side).astype(np.int64)
+        corner, shape = (int(first[1]), int(first[0])), (last - first + 1)[::-1]
+        west, south = self.west_m + corner[1] * side, self.south_m + corner[0] * side
+        hit = np.zeros(tuple(shape.tolist()), np.bool_)
+        tiles_hit(np.ascontiguousarray(near), west, south, self.cell_m, hit)
+        table = self._table(corner, hit, now_s)
+        add_returns(
+            points, sensor, is_near, signal.intensity, signal.echoes, now_s, self._parameters.max_age_s,
+            west, south, self.cell_m, table, self._pool,
+        )  # fmt: skip
+        if len(signal.lost_enu_m) and math.isfinite(sensor[0]):
+            foot = near[np.hypot(*(near[:, :2] - sensor[:2]).T) < FOOT_M]
+            ground_m = float(np.median(foot[:, 2] if len(foot) else near[:, 2]))
+            add_lost(
+                signal.lost_enu_m, signal.lost_origin_enu_m, signal.lost_weight,
+                ground_m, west, south, self.cell_m, table, self._pool,
+            )  # fmt: skip
+        return [edges for part in _parts(low, high) for edges in self._classify(*part, now_s)]
+
+    def refused(
+        self, west_m: float, south_m: float, cell_m: float, rows: int, cols: int
+    ) -> NDArray[np.bool_] | None:
+        """Return which cells of a raster are refused for their surface; None where none is."""
+        row = np.floor((south_m + (np.arange(rows) + 0.5) * cell_m - self.south_m) / self.cell_m).astype(
+            np.int64
+        )
+        col = np.floor((west_m + (np.arange(cols) + 0.5) * cell_m - self.west_m) / self.cell_m).astype(
+            np.int64
+        )
+        box = Box(int(row[0]), int(row[-1]) + 1, int(col[0]), int(col[-1]) + 1)
+        keys = [key for key in _keys_over(box) if key in self._slot]
+        if not any(self._n_refused[self._slot[key]] for key in keys):
+            return None
+        out = self._read(box).refused(self._parameters)
+        return out[np.ix_(row - box.row0, col - box.col0)]
+
+    def here(self, east_m: float, north_m: float, around_m: float) -> SurfaceHere:
+        """Return what the ground within a distance of a place is, in a square."""
+        row0, col0 = self._cell(east_m - around_m, north_m - around_m)
+        row1, col1 = self._cell(east_m + around_m, north_m + around_m)
+        return self._read(Box(row0, row1 + 1, col0, col1 + 1)).here()
+
+    def _cell(self, east_m: float, north_m: float) -> tuple[int, int]:
+        return (
+            math.floor((north_m - self.south_m) / self.cell_m),
+            math.floor((east_m - self.west_m) / self.cell_m),
+        )
+
+    # ---- tiles ----------------------------------------------------------------------------------
+
+    def _table(self, corner: Key, hit: NDArray[np.bool_], now_s: float) -> NDArray[np.int32]:
+        """Return the slots of a rectangle of tiles; those hit get one, the oldest others give theirs up."""
+        table = np.full(hit.shape, -1, np.int32)
+        wanted = {(corner[0] + int(r), corner[1] + int(c)) for r, c in np.argwhere(hit)}
+        for key in sorted(wanted):
+            if key not in self._slot:
+                if not self._free and not self._evict(wanted):
+                    continue
+                self._slot[key] = self._free.pop()
+            self._last_s[key] = now_s
+        for r, c in np.ndindex(*hit.shape):
+            table[r, c] = self._slot.get((corner[0] + r, corner[1] + c), -1)
+        return table
+
+    def _evict(self, kept: set[Key]) -> bool:
+        old = min(
+            (key for key in self._slot if key not in kept),
+            key=lambda key: (self._last_s[key], key),
+            default=None,
+        )
+        if old is None:
+            return False
+        slot = self._slot.pop(old)
+        self._pool[slot], self._layers[slot], self._n_refused[slot] = 0, 0, 0
+        del self._last_s[old]
+        self._free.append(slot)
+        return True
+
+    def _classify(self, low: Points, high: Points, now_s: float) -> list[Edges]:
+        """Classify a box of cells; return the edges of the tiles in which other cells are refused now."""
+        row0, col0 = self._cell(*(low - AROUND_M).tolist())
+        row1, col1 = self._cell(*(high + AROUND_M).tolist())
+        box = Box(row0, row1 + 1, col0, col1 + 1)
+        fields = np.zeros((*box.shape, SURFACE_FIELDS), np.float32)
+        parts = [(key, *_overlap(key, box)) for key in _keys_over(box) if key in self._slot]
+        for key, here, there in parts:
+            fields[there] = self._pool[self._slot[key]][here]
+        fields[now_s - fields[..., TIME] > self._parameters.max_age_s] = 0
+        if not fields[..., COUNT].any():
+            return []
+        found = classify(SurfaceCells(np.ascontiguousarray(np.moveaxis(fields, 2, 0)), self.cell_m))
+        told = np.stack(
+            [found.water, found.roof, found.low_vegetation, found.canopy, found.raised_m, found.kind]
+        )
+        changed = []
+        side = self.cell_m * SIDE
+        for key, here, there in parts:
+            slot = self._slot[key]
+            layers = SurfaceLayers(self._layers[slot])
+            before = layers.refused(self._parameters)
+            layers.values[(slice(None), *here)] = found.values[(slice(None), *there)]
+            after = layers.refused(self._parameters)
+            self._n_refused[slot] = np.count_nonzero(after)
+            if (before != after).any():
+                row, col = np.nonzero(before != after)
+                west, south = self.west_m + key[1] * side, self.south_m + key[0] * side
+                changed.append(
+                    (
+                        west + int(col.min()) * self.cell_m,
+                        south + int(row.min()) * self.cell_m,
+                        west + (int(col.max()) + 1) * self.cell_m,
+                        south + (int(row.max()) + 1) * self.cell_m,
+                    )
+                )
+        return changed
+
+    def _read(self, box: Box) -> SurfaceLayers:
+        out = np.zeros((N_LAYERS, *box.shape), np.float32)
+        for key in _keys_over(box):
+            if key in self._slot:
+                here, there = _overlap(key, box)
+                out[(slice(None), *there)] = self._layers[self._slot[key]][(slice(None), *here)]
+        return SurfaceLayers(out)
+
+
+def within_edges(points: Points, edges: Edges) -> NDArray[np.bool_]:
+    """Return which points are within west, south, east and north edges."""
+    west_m, south_m, east_m, north_m = edges
+    x, y = points[:, 0], points[:, 1]
+    return np.asarray((x >= west_m) & (x < east_m) & (y >= south_m) & (y < north_m))
+
+
+def _parts(low: Points, high: Points) -> Iterator[tuple[Points, Points]]:
+    """Yield the corners of squares of at most `PART_M` that cover a rectangle."""
+    rows, cols = (max(1, math.ceil((high[k] - low[k]) / PART_M)) for k in (1, 0))
+    for row, col in itertools.product(range(rows), range(cols)):
+        corner = low + np.array([col, row]) * PART_M
+        yield corner, np.minimum(corner + PART_M, high)
+
+
+def _keys_over(box: Box) -> list[Key]:
+    return [
+        (row, col)
+        for row in range(box.row0 // SIDE, (box.row1 - 1) // SIDE + 1)
+        for col in range(box.col0 // SIDE, (box.col1 - 1) // SIDE + 1)
+    ]
+
+
+def _overlap(key: Key, box: Box) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    """Return the common cells of a tile and a box, in the tile and in the box."""
+    row0, row1 = max(key[0] * SIDE, box.row0), min((key[0] + 1) * SIDE, box.row1)
+    col0, col1 = max(key[1] * SIDE, box.col0), min((key[1] + 1) * SIDE, box.col1)
+    south, west = key[0] * SIDE, key[1] * SIDE
+    return (
+        (slice(row0 - south, row1 - south), slice(col0 - west, col1 - west)),
+        (slice(row0 - box.row0, row1 - box.row0), slice(col0 - box.col0, col1 - box.col0)),
+    )
