@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +28,7 @@ class PointAttributes:
     lost_enu_m, lost_origin_enu_m : (m, 3) float64, rays that were fired below the horizon and gave no return:
     the point at `LOST_M` along each, and the sensor's position when it was fired. Empty where the sensor does
     not report them.
+    lost_weight : (m,) float32, number of rays that each stands for, because drivers thin them.
     """
 
     intensity: NDArray[np.float32]
@@ -35,6 +36,7 @@ class PointAttributes:
     echoes: NDArray[np.uint8]
     lost_enu_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
     lost_origin_enu_m: NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
+    lost_weight: NDArray[np.float32] = field(default_factory=lambda: np.empty(0, np.float32))
 
     def __post_init__(self) -> None:
         n, lost = len(self.intensity), len(self.lost_enu_m)
@@ -44,6 +46,7 @@ class PointAttributes:
             ("echoes", self.echoes, (n,), np.uint8),
             ("lost rays", self.lost_enu_m, (lost, 3), np.float64),
             ("origins of lost rays", self.lost_origin_enu_m, (lost, 3), np.float64),
+            ("weights of lost rays", self.lost_weight, (lost,), np.float32),
         ):
             if array.shape != shape or array.dtype != dtype:
                 raise ValueError(f"{name} must be {shape} {np.dtype(dtype)}, not {_form(array)}")
@@ -54,11 +57,11 @@ class PointAttributes:
         intensity: NDArray[np.generic],
         echo: NDArray[np.uint8],
         echoes: NDArray[np.uint8],
-        *lost: NDArray[np.float64],
+        *lost: NDArray[Any],
     ) -> Self:
         """Return read-only attributes in which return numbers that contradict each other are unknown.
 
-        lost : `lost_enu_m` and `lost_origin_enu_m`, or nothing.
+        lost : `lost_enu_m`, `lost_origin_enu_m` and `lost_weight`, or nothing.
         """
         wrong = (echo == 0) | (echo > echoes)
         if wrong.any():

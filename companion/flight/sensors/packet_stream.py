@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from companion.flight.sensors.device_clock import SensorClock
 from companion.flight.sensors.packet_identification import NAMES, identify_packet
-from companion.flight.sensors.returns import RawReturns, Returns
+from companion.flight.sensors.returns import RawReturns, Returns, join_raw
 from companion.flight.sensors.synchronised_clock import SynchronisedClock
 from companion.runtime.clock import WallOffset
 from companion.runtime.event import Event
@@ -20,6 +20,7 @@ log = logging.getLogger(__name__)
 
 RATE_NS = 1_000_000_000
 REMEMBERED = 64  # number of packets searched for a duplicate
+MOST_UNANSWERED = 100  # batches without any return whose lost rays wait for the next one
 
 OnReturns = Callable[[Returns], None]
 Batch = list[tuple[int, bytes]]  # arrival and packet
@@ -103,6 +104,7 @@ class PacketStream:
         self._decoded_ns: int | None = None
         self._recent: deque[int] = deque(maxlen=REMEMBERED)
         self._kept: Batch = []
+        self._unanswered: deque[RawReturns] = deque(maxlen=MOST_UNANSWERED)
         self._rate = _Rate()
         self.batches: Event[[Batch]] = Event()
         self.last_arrival_ns: int | None = None
@@ -160,9 +162,15 @@ class PacketStream:
             self._fail(kept)
             return
         self._decoded_ns = kept[-1][0]
-        if len(raw):
-            self._rate.add(now_ns, len(raw))
-            self._on_returns(raw.shifted(self._clock.offset_ns(int(raw.stamp_ns[-1]))))
+        if not len(raw):
+            if len(raw.lost_ns):  # as over water: they go with the next batch that has a return
+                self._unanswered.append(raw)
+            return
+        self._rate.add(now_ns, len(raw))
+        if self._unanswered:
+            raw = join_raw([*self._unanswered, raw])
+            self._unanswered.clear()
+        self._on_returns(raw.shifted(self._clock.offset_ns(int(raw.stamp_ns[-1]))))
 
     def statistics(self) -> dict[str, int | float | None]:
         """Return counters of packets and returns, and of dropped data by reason."""

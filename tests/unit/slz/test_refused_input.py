@@ -45,6 +45,7 @@ def test_a_scan_of_another_form_is_refused(changed: dict[str, Any], told: str) -
         ({"echoes": np.zeros(4)}, r"echoes must be \(4,\) uint8, not \(4,\) float64"),
         ({"lost_enu_m": np.zeros((2, 2))}, r"lost rays must be \(2, 3\) float64, not \(2, 2\) float64"),
         ({"lost_enu_m": np.zeros((2, 3))}, r"origins of lost rays must be \(2, 3\) float64, not \(0, 3\)"),
+        ({"lost_weight": np.ones(1, np.float32)}, r"weights of lost rays must be \(0,\) float32, not \(1,\)"),
     ],
 )
 def test_attributes_of_another_form_are_refused(changed: dict[str, Any], told: str) -> None:

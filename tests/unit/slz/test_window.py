@@ -124,7 +124,12 @@ def rated(first_ms: int, n: int = 3, lost: int = 2) -> Scan:
     lost_enu_m = origin - [0.0, 0.0, LOST_M]
     two = np.full(n, 2, np.uint8)
     intensity = plain.points_enu_m[:, 0].astype(np.float32)
-    return replace(plain, attributes=PointAttributes.of(intensity, two - 1, two, lost_enu_m, origin))
+    return replace(
+        plain,
+        attributes=PointAttributes.of(
+            intensity, two - 1, two, lost_enu_m, origin, np.full(lost, 1 + lost, np.float32)
+        ),
+    )
 
 
 def test_attributes_stay_with_their_returns_and_are_unknown_for_scans_without_any() -> None:
@@ -138,6 +143,7 @@ def test_attributes_stay_with_their_returns_and_are_unknown_for_scans_without_an
     assert found.echoes.tolist() == [2, 2, 2, 0, 0, 0, 2]
     assert found.lost_enu_m[:, 2].tolist() == [-LOST_M, -LOST_M, 90 - LOST_M]
     assert found.lost_origin_enu_m[:, 2].tolist() == [0, 0, 90]
+    assert found.lost_weight.tolist() == [3, 3, 2]
     assert not any(getattr(found, name).flags.writeable for name in PointAttributes.__slots__)
 
 

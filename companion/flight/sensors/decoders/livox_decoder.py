@@ -6,7 +6,8 @@ time from the first point to the last. `udp_cnt` counts packets, either from zer
 continuously.
 
 Points are forward, left, up of the sensor's centre. The Mid-360's four laser lines fire in turn, so a point's
-line is its index in the packet modulo four, as in the maker's driver; each ray gives one return.
+line is its index in the packet modulo four, as in the maker's driver; each ray gives one return. A ray
+without a return is a point of zeros; only spherical packets give its direction (`livox_scan_pattern`).
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from zlib import crc32
 import numpy as np
 
 from companion.flight.sensors.decoders.livox_points import decode_points
-from companion.flight.sensors.returns import RawReturns
+from companion.flight.sensors.decoders.livox_scan_pattern import reconstruct_directions
+from companion.flight.sensors.returns import RawReturns, thinning
 
 # version, length, time_interval (0.1 us), dot_num, udp_cnt, frame_cnt, data_type, time_type, 12 reserved,
 # crc32, timestamp (ns)
@@ -30,6 +32,7 @@ IMU = 0
 POINT_BYTES = {1: 14, 2: 8, 3: 10}
 REORDERED = 64  # a packet at most this much behind the newest is late; one farther behind starts a frame
 MOST_NS = 2**62
+THINNING = thinning(200_000)
 TOGETHER = 64  # packets joined for one call, to fit the processor's cache
 
 
@@ -38,7 +41,8 @@ class LivoxCounters:
     """Counters of received and dropped data.
 
     `unchecked` packets have a checksum of zero, which the protocol does not define: they are accepted,
-    because UDP has a checksum of its own.
+    because UDP has a checksum of its own. `no_direction`: those of the rays without a return chosen for
+    `lost` whose direction is unknown.
     """
 
     packets: int = 0
@@ -50,6 +54,7 @@ class LivoxCounters:
     returns: int = 0
     no_return: int = 0
     low_confidence: int = 0
+    no_direction: int = 0
 
 
 @dataclass(slots=True)
@@ -112,19 +117,27 @@ class LivoxDecoder:
         self._points += header[3]
 
     def drain(self) -> RawReturns:
-        """Decode the stored packets; points without a return or of low confidence are dropped and counted."""
+        """Decode the stored packets; points of low confidence are dropped and counted.
+
+        Those without a return are counted, and thinned to `lost`.
+        """
         most = self._points
         xyz = np.empty((most, 3), np.float32)
         stamps = np.empty(most, np.int64)
         intensity = np.empty(most, np.uint8)
         ring = np.empty(most, np.uint8)
-        kept = 0
+        most_lost = most // THINNING + 1
+        lost, lost_ns = np.empty((most_lost, 3), np.float32), np.empty(most_lost, np.int64)
+        lost_ring = np.empty(most_lost, np.uint8)
+        kept = n_lost = 0
         for first in range(0, len(self._packets), TOGETHER):
             data = np.frombuffer(b"".join(self._packets[first : first + TOGETHER]), np.uint8)
-            returns, absent, doubtful = decode_points(
-                data, xyz[kept:], stamps[kept:], intensity[kept:], ring[kept:]
+            returns, absent, doubtful, unanswered = decode_points(
+                *(data, xyz[kept:], stamps[kept:], intensity[kept:], ring[kept:]),
+                *(THINNING, self.counters.no_return, lost[n_lost:], lost_ns[n_lost:], lost_ring[n_lost:]),
             )
             kept += returns
+            n_lost += unanswered
             self.counters.no_return += absent
             self.counters.low_confidence += doubtful
         self.counters.packets += len(self._packets)
@@ -132,7 +145,20 @@ class LivoxDecoder:
         self._points = 0
         self.counters.returns += kept
         one = np.ones(kept, np.uint8)
-        return RawReturns(xyz[:kept], stamps[:kept], intensity[:kept], ring[:kept], one, one)
+        lost, lost_ns, lost_ring = lost[:n_lost], lost_ns[:n_lost], lost_ring[:n_lost]
+        if n_lost and (unknown := np.isnan(lost[:, 0])).any():
+            lost[unknown] = reconstruct_directions(
+                *(xyz[:kept], stamps[:kept], ring[:kept]), *(lost_ns[unknown], lost_ring[unknown])
+            )
+            known = ~np.isnan(lost[:, 0])
+            self.counters.no_direction += int(n_lost - known.sum())
+            lost, lost_ns = lost[known], lost_ns[known]
+        return RawReturns(
+            *(xyz[:kept], stamps[:kept], intensity[:kept], ring[:kept], one, one),
+            lost=lost,
+            lost_ns=lost_ns,
+            lost_weight=float(THINNING),
+        )
 
     def decode(self, packets: Sequence[bytes]) -> RawReturns:
         """Check and decode packets together; without any return the arrays are empty."""

@@ -56,13 +56,32 @@ def _metres(data: Bytes, at: np.uint64, kind: int) -> tuple[float, float, float]
 
 
 @kernel
+def _direction(data: Bytes, at: np.uint64, kind: int) -> tuple[float, float, float]:
+    """Return the unit vector of a ray without a return, NaN where its angles are not given."""
+    theta, phi = _u16(data, at + np.uint64(4)), _u16(data, at + np.uint64(6))
+    if kind != 3 or (theta == 0 and phi == 0):
+        return math.nan, math.nan, math.nan
+    across = math.sin(theta * CENTIDEGREE)
+    return (
+        across * math.cos(phi * CENTIDEGREE),
+        across * math.sin(phi * CENTIDEGREE),
+        math.cos(theta * CENTIDEGREE),
+    )
+
+
+@kernel
 def decode_points(
     data: ReadOnly1D[np.uint8],
     xyz_m: Array2D[np.float32],
     stamps_ns: Array1D[np.int64],
     intensity: Array1D[np.uint8],
     ring: Array1D[np.uint8],
-) -> tuple[int, int, int]:
+    every: int,
+    absent_before: int,
+    lost: Array2D[np.float32],
+    lost_ns: Array1D[np.int64],
+    lost_ring: Array1D[np.uint8],
+) -> tuple[int, int, int, int]:
     """Decode consecutive packets in `data`.
 
     Every point is written after the last one kept and overwritten by the next one unless it is kept too,
@@ -74,14 +93,18 @@ def decode_points(
         (bytes,) uint8, whole packets, checked.
     xyz_m, stamps_ns, intensity, ring
         Filled from the front: (points, 3) m, (points,) ns, (points,), (points,) laser line.
+    every, absent_before
+        Every k-th point without a return is kept in `lost`; number of them in earlier packets.
+    lost, lost_ns, lost_ring
+        Filled from the front: directions, NaN where a packet does not give them, stamps and laser lines.
 
     Returns
     -------
     tuple
-        Points kept, points without a return, points of low confidence.
+        Points kept, points without a return, points of low confidence, rays in `lost`.
     """
     one, two = np.uint64(1), np.uint64(2)  # unsigned: no negative indexing
-    kept, absent, doubtful = 0, 0, 0
+    kept, absent, doubtful, n_lost = 0, 0, 0, 0
     packet, end = np.uint64(0), np.uint64(len(data))
     while packet < end:
         interval = 100 * int(_u16(data, packet + np.uint64(3)))
@@ -102,8 +125,13 @@ def decode_points(
             ring[kept] = i % LINES
             nothing = x == 0 and y == 0 and z == 0
             unsure = not nothing and tag & DOUBTFUL != 0
-            absent += nothing
+            if nothing:
+                if (absent_before + absent) % every == 0:
+                    lost[n_lost, 0], lost[n_lost, 1], lost[n_lost, 2] = _direction(data, at, kind)
+                    lost_ns[n_lost], lost_ring[n_lost] = stamps_ns[kept], ring[kept]
+                    n_lost += 1
+                absent += 1
             doubtful += unsure
             kept += not (nothing or unsure)
             at += size
-    return kept, absent, doubtful
+    return kept, absent, doubtful, n_lost

@@ -19,13 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.flight.sensors.decoders.ouster_points import place_pixels
-from companion.flight.sensors.returns import RawReturns, nothing
+from companion.flight.sensors.returns import RawReturns, nothing, thinning
 from companion.runtime.errors import UsageError
 
 READER = "LiDAR ouster: reads packets with ouster-sdk, which"
 INSTALL = f"{READER} is not installed: pip install 'slz[ouster]'"
 LEGACY = "LEGACY"
 LIDAR_TYPE = 1
+MOST_FPS = 20
 MOST_NS = 2**62
 MOST_PACKET_NS = 50_000_000  # no packet takes longer; at 5 Hz and 512 columns a frame it takes 6 ms
 MOST_ROWS, MOST_COLUMNS = 512, 16_384  # limits of a frame; the largest sensors have 128 and 4096
@@ -59,7 +60,8 @@ class _Columns:
 class _Format:
     """Packet format given by the metadata, read with ouster-sdk.
 
-    direction, offset_m: (columns of a frame, rows, 3); a point is offset + range * direction.
+    direction, offset_m: (columns of a frame, rows, 3); a point is offset + range * direction. thinning: every
+    k-th pixel without a return is passed on.
     """
 
     def __init__(self, metadata: str) -> None:
@@ -82,6 +84,7 @@ class _Format:
         self._header = sdk.ColHeader
         self.rows, self.frame_columns = int(info.format.pixels_per_column), int(info.format.columns_per_frame)
         self.size, self.imu_size = int(self._packet.lidar_packet_size), int(self._packet.imu_packet_size)
+        self.thinning = thinning(self.rows * self.frame_columns * (int(info.format.fps) or MOST_FPS))
         self.frames = int(self._packet.max_frame_id) + 1
         self._is_legacy = info.format.udp_profile_lidar.name == LEGACY
         names = set(self._packet.fields)
@@ -208,7 +211,7 @@ class OusterDecoder:
         self._packets.append(packet)
 
     def drain(self) -> RawReturns:
-        """Decode the stored packets; pixels without a return are dropped and counted."""
+        """Decode the stored packets; pixels without a return are counted, and thinned to `lost`."""
         raw = self._decode(self._packets) if self._packets else nothing()
         self._packets.clear()
         self.counters.returns += len(raw)
@@ -235,11 +238,20 @@ class OusterDecoder:
         column_ns = np.concatenate([part[0].stamp_ns for part in parts])
         n = range_mm.size
         xyz, stamp_ns = np.empty((n, 3), np.float32), np.empty(n, np.int64)
-        rest = [np.empty(n, np.uint8) for _ in range(4)]
-        place = (number, column_ns, form.direction, form.offset_m)
-        kept, absent = place_pixels(range_mm, bright, *place, xyz, stamp_ns, *rest)
+        intensity, ring, echo, echoes = np.empty((4, n), np.uint8)
+        place = (number, column_ns, form.direction, form.offset_m, form.thinning, self.counters.no_return)
+        most_lost = n // form.thinning + 1
+        lost, lost_ns = np.empty((most_lost, 3), np.float32), np.empty(most_lost, np.int64)
+        kept, absent, n_lost = place_pixels(
+            range_mm, bright, *place, xyz, stamp_ns, intensity, ring, echo, echoes, lost, lost_ns
+        )
         self.counters.no_return += absent
-        return RawReturns(xyz[:kept], stamp_ns[:kept], *(array[:kept] for array in rest))
+        return RawReturns(
+            *(xyz[:kept], stamp_ns[:kept], intensity[:kept], ring[:kept], echo[:kept], echoes[:kept]),
+            lost=lost[:n_lost],
+            lost_ns=lost_ns[:n_lost],
+            lost_weight=float(form.thinning),
+        )
 
     def _count_lost(self, place: int | None) -> None:
         """Count gaps in the indices of packets, which wrap around."""

@@ -148,12 +148,10 @@ def _points(block: list[_Line], counters: RadarCounters) -> list[RawReturns]:
     look = found.look_rad[good] - roll[line]
     xyz = np.column_stack([np.zeros(len(way)), -way * np.sin(look), -way * np.cos(look)]).astype(np.float32)
     stamps = np.array([one.stamp_ns for one in block], np.int64)[line]
-    none, one = np.zeros(len(way), np.uint8), np.ones(len(way), np.uint8)
+    none, unknown = np.zeros(len(way), np.uint8), np.full(len(way), np.nan, np.float32)
     further = MOST_TURN * float(np.median(found.turn_m[good])) / float(altitude.max())
     most_pitch = float(np.arccos(1 / (1 + further)))
-    return [
-        RawReturns(xyz, stamps, np.full(len(way), 128, np.uint8), none, one, one, most_pitch_rad=most_pitch)
-    ]
+    return [RawReturns(xyz, stamps, unknown, none, none, none, most_pitch_rad=most_pitch)]
 
 
 def _line(packet: bytes) -> _Line | None:

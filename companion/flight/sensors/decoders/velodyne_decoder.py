@@ -19,6 +19,7 @@ from companion.flight.sensors.decoders.velodyne_points import (
     BLOCK_TICKS,
     BLOCKS,
     DUAL,
+    MODEL_AT,
     MODELS,
     NUMBER,
     PLACES,
@@ -27,6 +28,7 @@ from companion.flight.sensors.decoders.velodyne_points import (
     SEQUENCES,
     SHAPE,
     TAIL_AT,
+    THINNING,
     TICK_NS,
     TICKS,
     place_rays,
@@ -47,6 +49,7 @@ SEQUENCE_NS = SEQUENCE_TICKS * TICK_NS
 LAST_LASER_NS = 15 * TICK_NS
 PAUSE_NS = 1_000_000_000  # a longer gap means a sensor that was off, not lost packets
 LATE_NS = 20_000_000
+LEAST_THINNING = int(THINNING.min())
 
 
 @dataclass(slots=True)
@@ -99,7 +102,7 @@ class VelodyneDecoder:
         self._stamps_ns.append(stamp_ns)
 
     def drain(self) -> RawReturns:
-        """Decode the stored packets; rays without a return are dropped and counted."""
+        """Decode the stored packets; rays without a return are counted, and thinned to `lost`."""
         n = len(self._packets)
         if not n:
             return nothing()
@@ -107,16 +110,23 @@ class VelodyneDecoder:
         most = n * BLOCKS * PLACES
         xyz_m, stamp_ns = np.empty((most, 3), np.float32), np.empty(most, np.int64)
         intensity, ring, echo, echoes = np.empty((4, most), np.uint8)
-        kept, absent = place_rays(
+        most_lost = most // LEAST_THINNING + 1
+        lost, lost_ns = np.empty((most_lost, 3), np.float32), np.empty(most_lost, np.int64)
+        kept, absent, n_lost = place_rays(
             packets, np.array(self._stamps_ns), NUMBER, SHAPE, TICKS, RING, BLOCK_TICKS,
-            xyz_m, stamp_ns, intensity, ring, echo, echoes,
+            THINNING, self.counters.no_return,
+            xyz_m, stamp_ns, intensity, ring, echo, echoes, lost, lost_ns,
         )  # fmt: skip
+        model = NUMBER[packets[-1, MODEL_AT]]
         self._packets.clear()
         self._stamps_ns.clear()
         self.counters.returns += kept
         self.counters.no_return += absent
         return RawReturns(
-            xyz_m[:kept], stamp_ns[:kept], intensity[:kept], ring[:kept], echo[:kept], echoes[:kept]
+            *(xyz_m[:kept], stamp_ns[:kept], intensity[:kept], ring[:kept], echo[:kept], echoes[:kept]),
+            lost=lost[:n_lost],
+            lost_ns=lost_ns[:n_lost],
+            lost_weight=float(THINNING[model]),
         )
 
     def decode(self, packets: Sequence[bytes]) -> RawReturns:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from companion.flight.sensors.returns import thinning
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, ReadOnly2D
 from slz.kernels.jit import kernel
 
@@ -94,6 +95,9 @@ RING = np.array([ring for _, _, ring in _TABLES], np.uint8)
 BLOCK_TICKS = np.array([SEQUENCE_TICKS * count // BLOCKS for count in SEQUENCES.values()])
 NUMBER = np.full(256, -1)  # row of a model in the tables, by its factory byte
 NUMBER[list(MODELS)] = range(len(MODELS))
+THINNING = np.array(
+    [thinning(len(lasers.elevation_deg) / (SEQUENCE_TICKS * TICK_NS * 1e-9)) for lasers in MODELS.values()]
+)
 
 
 @kernel
@@ -123,13 +127,17 @@ def place_rays(
     ticks: Array2D[np.int64],
     rings: Array2D[np.uint8],
     block_ticks: Array1D[np.int64],
+    every: Array1D[np.int64],
+    absent_before: int,
     xyz_m: Array2D[np.float32],
     stamp_ns: Array1D[np.int64],
     intensity: Array1D[np.uint8],
     ring: Array1D[np.uint8],
     echo: Array1D[np.uint8],
     echoes: Array1D[np.uint8],
-) -> tuple[int, int]:
+    lost: Array2D[np.float32],
+    lost_ns: Array1D[np.int64],
+) -> tuple[int, int, int]:
     """Project the measurements of packets to points; a distance of zero is no return.
 
     The lasers turn while they fire, at the mean rate of the packet's own steps from block to block.
@@ -138,17 +146,21 @@ def place_rays(
     ----------
     packets, stamps_ns
         (packets, 1206) uint8, checked, of known models; the time of each one's first firing.
-    number, shape, ticks, rings, block_ticks
-        `NUMBER`, `SHAPE`, `TICKS`, `RING`, `BLOCK_TICKS`.
+    number, shape, ticks, rings, block_ticks, every
+        `NUMBER`, `SHAPE`, `TICKS`, `RING`, `BLOCK_TICKS`, `THINNING`.
+    absent_before
+        Number of rays without a return in earlier packets.
     xyz_m, stamp_ns, intensity, ring, echo, echoes
         Filled from the front; as in `RawReturns`. Of two returns of a ray the nearer is the first.
+    lost, lost_ns
+        The same, for every k-th ray without a return.
 
     Returns
     -------
     tuple
-        Points, rays without a return.
+        Points, rays without a return, and those of them in `lost`.
     """
-    kept, absent = 0, 0
+    kept, absent, n_lost = 0, 0, 0
     cos_ahead, sin_ahead = np.empty(PLACES), np.empty(PLACES)
     for packet in range(len(packets)):
         model = number[packets[packet, MODEL_AT]]
@@ -168,6 +180,14 @@ def place_rays(
                 last = _u16(packets, packet, at)
                 other = _u16(packets, packet, at + BLOCK_BYTES) if step == 2 else last
                 if last == 0 and other == 0:
+                    if (absent_before + absent) % every[model] == 0:
+                        across, up = shape[model, place, 0], shape[model, place, 1]
+                        unit = 1 / math.sqrt(across * across + up * up)
+                        lost[n_lost, 0] = (forward * cos_ahead[place] - right * sin_ahead[place]) * unit
+                        lost[n_lost, 1] = (-right * cos_ahead[place] - forward * sin_ahead[place]) * unit
+                        lost[n_lost, 2] = up * unit
+                        lost_ns[n_lost] = begun_ns + ticks[model, place] * TICK_NS
+                        n_lost += 1
                     absent += 1
                     continue
                 both = last != other and last > 0 and other > 0
@@ -185,4 +205,4 @@ def place_rays(
                     echo[kept] = 2 if both and distance == max(last, other) else 1
                     echoes[kept] = 2 if both else 1
                     kept += 1
-    return kept, absent
+    return kept, absent, n_lost

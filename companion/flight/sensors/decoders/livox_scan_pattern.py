@@ -1,0 +1,230 @@
+"""Directions of a Livox sensor's rays without a return, reconstructed from the returns around them.
+
+In Cartesian packets such a ray is a point of zeros: it has a time and a laser line, but no direction. The
+mirror turns at a constant rate and the elevation of a line changes slowly, so within a turn both angles of a
+line are a parabola in time and a sinusoid of the mirror's angle, fitted to its returns. The maker publishes
+no pattern, and none is assumed: where the returns do not follow the fit, the directions stay unknown.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.argument_types import Array1D, Array2D, Array3D, ReadOnly1D, ReadOnly2D
+from slz.kernels.jit import kernel
+
+LINES = 4
+TERMS = 5  # 1, t, t squared, cosine and sine of the mirror's angle
+TURNS = 1.5  # of the mirror, in a fit
+MOST_SAMPLES = 32  # returns of a line in a fit
+LEAST_SAMPLES = 12
+MOST_ERROR_RAD = math.radians(1.5)
+MOST_WRONG = 0.05  # share of the returns that may exceed it
+MOST_GAP = 0.55  # turns from a ray to the nearest returns before and after it
+NEAR_NS = 100_000  # between two returns of a line, to estimate the mirror's rate
+RATES = 101  # estimates of the rate, of which the median is used
+SLOWEST, FASTEST = 2 * math.pi * 20, 2 * math.pi * 600  # rad/s
+
+
+@kernel
+def _wrap(angle: float) -> float:
+    return angle - 2 * math.pi * math.floor(angle / (2 * math.pi) + 0.5)
+
+
+@kernel
+def _mirror_rate(
+    xyz_m: ReadOnly2D[np.float32], stamp_ns: ReadOnly1D[np.int64], ring: ReadOnly1D[np.uint8]
+) -> float:
+    """Return the median rate of the azimuth between neighbours of a line (rad/ns), NaN without enough."""
+    rates = np.empty(RATES)
+    found, n = 0, len(stamp_ns)
+    step = max(1, n // (2 * RATES))
+    for i in range(0, n, step):
+        for j in range(i + 1, min(n, i + 4 * LINES)):
+            since = stamp_ns[j] - stamp_ns[i]
+            if ring[j] == ring[i] and 0 < since <= NEAR_NS and found < RATES:
+                ahead = math.atan2(xyz_m[j, 1], xyz_m[j, 0]) - math.atan2(xyz_m[i, 1], xyz_m[i, 0])
+                rates[found] = _wrap(ahead) / since
+                found += 1
+                break
+    return float(np.median(rates[:found])) if found >= LEAST_SAMPLES else np.nan
+
+
+@kernel
+def _solve(matrix: Array2D[np.float64], right: Array2D[np.float64]) -> bool:
+    """Solve symmetric equations, given by their upper half, in place; return whether they are well posed."""
+    n = len(matrix)
+    for k in range(n):
+        if not matrix[k, k] > 1e-9:
+            return False
+        for i in range(k + 1, n):
+            share = matrix[k, i] / matrix[k, k]
+            for j in range(i, n):
+                matrix[i, j] -= share * matrix[k, j]
+            for j in range(right.shape[1]):
+                right[i, j] -= share * right[k, j]
+    for k in range(n - 1, -1, -1):
+        for j in range(right.shape[1]):
+            for i in range(k + 1, n):
+                right[k, j] -= matrix[k, i] * right[i, j]
+            right[k, j] /= matrix[k, k]
+    return True
+
+
+@kernel
+def _terms(since: float, half: float, rate: float, terms: Array1D[np.float64]) -> None:
+    u = since / half
+    terms[0], terms[1], terms[2] = 1.0, u, u * u
+    terms[3], terms[4] = math.cos(rate * since), math.sin(rate * since)
+
+
+@kernel
+def _sample(
+    xyz_m: ReadOnly2D[np.float32],
+    stamp_ns: ReadOnly1D[np.int64],
+    ring: ReadOnly1D[np.uint8],
+    centre_ns: np.int64,
+    half_ns: float,
+    rate: float,
+    samples: Array3D[np.float64],
+    counts: Array1D[np.int64],
+) -> None:
+    """Choose returns of every line, evenly in time within `half_ns` of the centre, and count them.
+
+    samples: (LINES, MOST_SAMPLES, 4), filled with time (ns), azimuth less the mirror's turn, elevation,
+    cosine of the elevation.
+    """
+    counts[:] = 0
+    step = 2 * half_ns / MOST_SAMPLES
+    due = np.full(LINES, -half_ns)
+    for i in range(np.searchsorted(stamp_ns, centre_ns - np.int64(half_ns)), len(stamp_ns)):
+        line, since = int(ring[i]) % LINES, float(stamp_ns[i] - centre_ns)
+        if since >= half_ns:
+            break
+        if since < due[line] or counts[line] == MOST_SAMPLES:
+            continue
+        due[line] = -half_ns + step * (1 + math.floor((since + half_ns) / step))
+        x, y, z = float(xyz_m[i, 0]), float(xyz_m[i, 1]), float(xyz_m[i, 2])
+        chosen = samples[line, counts[line]]
+        chosen[0] = since
+        chosen[1] = math.atan2(y, x) - rate * since
+        flat = math.sqrt(x * x + y * y)
+        chosen[2], chosen[3] = math.atan2(z, flat), flat / math.sqrt(x * x + y * y + z * z)
+        counts[line] += 1
+
+
+@kernel
+def _fit(samples: Array2D[np.float64], half_ns: float, rate: float, model: Array2D[np.float64]) -> bool:
+    """Fit azimuth, less the mirror's turn, and elevation of a line; return whether its returns follow.
+
+    model: (TERMS, 2), filled with the coefficients.
+    """
+    n = len(samples)
+    if n < LEAST_SAMPLES:
+        return False
+    middle = samples[n // 2, 1]
+    matrix, terms = np.zeros((TERMS, TERMS)), np.empty((n, TERMS))
+    model[:] = 0.0
+    for i in range(n):
+        samples[i, 1] = middle + _wrap(samples[i, 1] - middle)
+        _terms(samples[i, 0], half_ns, rate, terms[i])
+        for j in range(TERMS):
+            for k in range(j, TERMS):  # the upper half, of which elimination needs no more
+                matrix[j, k] += terms[i, j] * terms[i, k]
+            model[j, 0] += terms[i, j] * samples[i, 1]
+            model[j, 1] += terms[i, j] * samples[i, 2]
+    if not _solve(matrix, model):
+        return False
+    wrong = 0
+    for i in range(n):
+        azimuth, elevation = 0.0, 0.0
+        for j in range(TERMS):
+            azimuth += terms[i, j] * model[j, 0]
+            elevation += terms[i, j] * model[j, 1]
+        across = (azimuth - samples[i, 1]) * samples[i, 3]
+        up = elevation - samples[i, 2]
+        wrong += across * across + up * up > MOST_ERROR_RAD * MOST_ERROR_RAD
+    return wrong <= MOST_WRONG * n
+
+
+@kernel
+def _reconstruct(
+    xyz_m: ReadOnly2D[np.float32],
+    stamp_ns: ReadOnly1D[np.int64],
+    ring: ReadOnly1D[np.uint8],
+    lost_ns: ReadOnly1D[np.int64],
+    lost_ring: ReadOnly1D[np.uint8],
+    lost: Array2D[np.float32],
+) -> None:
+    """Write the directions of lost rays, in the order of their stamps, NaN where unknown."""
+    lost[:] = np.nan
+    rate = _mirror_rate(xyz_m, stamp_ns, ring)
+    if not SLOWEST <= abs(rate) * 1e9 <= FASTEST:
+        return
+    turn_ns = 2 * math.pi / abs(rate)
+    half_ns = TURNS / 2 * turn_ns
+    begin_ns, end_ns = stamp_ns[0], stamp_ns[-1]
+    model, terms = np.empty((LINES, TERMS, 2)), np.empty(TERMS)
+    samples, counts = np.empty((LINES, MOST_SAMPLES, 4)), np.empty(LINES, np.int64)
+    sound = np.zeros(LINES, np.bool_)
+    number, centre_ns = -1, np.int64(0)
+    after, n = 0, len(stamp_ns)
+    for i in range(len(lost_ns)):
+        t = lost_ns[i]
+        while after < n and stamp_ns[after] <= t:
+            after += 1
+        if after == 0 or after == n:
+            continue
+        if max(t - stamp_ns[after - 1], stamp_ns[after] - t) > MOST_GAP * turn_ns:
+            continue
+        here = int((t - begin_ns) / turn_ns)
+        if here != number:
+            number = here
+            middle = begin_ns + (here + 0.5) * turn_ns
+            centre_ns = np.int64(max(begin_ns + half_ns, min(end_ns - half_ns, middle)))
+            _sample(xyz_m, stamp_ns, ring, centre_ns, half_ns, rate, samples, counts)
+            for line in range(LINES):
+                sound[line] = _fit(samples[line, : counts[line]], half_ns, rate, model[line])
+        line = int(lost_ring[i])
+        if not sound[line]:
+            continue
+        since = float(t - centre_ns)
+        _terms(since, half_ns, rate, terms)
+        azimuth, elevation = rate * since, 0.0
+        for j in range(TERMS):
+            azimuth += terms[j] * model[line, j, 0]
+            elevation += terms[j] * model[line, j, 1]
+        flat = math.cos(elevation)
+        lost[i, 0], lost[i, 1] = flat * math.cos(azimuth), flat * math.sin(azimuth)
+        lost[i, 2] = math.sin(elevation)
+
+
+def reconstruct_directions(
+    xyz_m: NDArray[np.float32],
+    stamp_ns: NDArray[np.int64],
+    ring: NDArray[np.uint8],
+    lost_ns: NDArray[np.int64],
+    lost_ring: NDArray[np.uint8],
+) -> NDArray[np.float32]:
+    """Return unit vectors (m, 3) along rays without a return, NaN where the returns do not give them.
+
+    Parameters
+    ----------
+    xyz_m, stamp_ns, ring
+        Returns of the same sensor, (n, 3), (n,), (n,).
+    lost_ns, lost_ring
+        Stamps and lines of the rays, (m,).
+    """
+    lost = np.empty((len(lost_ns), 3), np.float32)
+    if (stamp_ns[1:] < stamp_ns[:-1]).any():  # packets arrived out of order
+        order = np.argsort(stamp_ns, kind="stable")
+        xyz_m, stamp_ns, ring = xyz_m[order], stamp_ns[order], ring[order]
+    order = np.argsort(lost_ns, kind="stable")
+    found = np.full_like(lost, np.nan)
+    if len(stamp_ns):
+        _reconstruct(xyz_m, stamp_ns, ring, lost_ns[order], lost_ring[order], found)
+    lost[order] = found
+    return lost
