@@ -61,6 +61,7 @@ class FlownReturns:
             1e6,
             points,
             written,
+            np.empty(n, np.int64),
         )
         assert count == n  # noqa: S101 - every return has poses at any delay
         return points

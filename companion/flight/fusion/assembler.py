@@ -13,7 +13,7 @@ from params import Parameters
 from slz import Scan
 
 SPAN_NS = 50_000_000
-# Limit of buffered returns, some seconds of a fast sensor: bounds memory whatever the stamps say.
+# Limit of buffered returns and lost rays, some seconds of a fast sensor: bounds memory whatever stamps say.
 MOST_WAITING = 2_000_000
 
 
@@ -58,7 +58,7 @@ class ScanAssembler:
             return
         newest_ns = int(returns.stamp_ns.max())
         self._waiting.append((newest_ns, returns))
-        self._n_waiting += len(returns)
+        self._n_waiting += len(returns) + len(returns.lost_ns)
         self._place_bracketed()
         self._drop_stale(newest_ns)
 
@@ -78,7 +78,7 @@ class ScanAssembler:
         until_ns = self._history.bracketed_until_ns
         while until_ns is not None and self._waiting and self._waiting[0][0] <= until_ns:
             newest_ns, returns = self._waiting.popleft()
-            self._n_waiting -= len(returns)
+            self._n_waiting -= len(returns) + len(returns.lost_ns)
             self._gather(returns, newest_ns)
 
     def _gather(self, returns: Returns, newest_ns: int) -> None:
@@ -102,5 +102,5 @@ class ScanAssembler:
             abs(newest_ns - self._waiting[0][0]) > self._patience_ns or self._n_waiting > MOST_WAITING
         ):
             _, returns = self._waiting.popleft()
-            self._n_waiting -= len(returns)
+            self._n_waiting -= len(returns) + len(returns.lost_ns)
             self.stale += len(returns)

@@ -1,15 +1,21 @@
-"""Direct georeferencing of LiDAR returns."""
+"""Direct georeferencing of LiDAR returns, and of rays without a return."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from companion.flight.fusion.placement import place
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.sensor_mount import Mount
 from companion.flight.sensors.returns import Returns
 from params import Parameters
-from slz import Scan
+from slz import PointAttributes, Scan
+from slz.window import LOST_M
+
+LEAST_DEPRESSION_DEG = 5.0  # of a lost ray below the horizon
+_MOST_UP_M = -LOST_M * float(np.sin(np.radians(LEAST_DEPRESSION_DEG)))
+Floats = NDArray[np.float64]
 
 
 class Georeferencer:
@@ -43,7 +49,7 @@ class Georeferencer:
             self.pitched += len(returns)
             return None
         points = np.empty((len(returns), 3))
-        stamps = np.empty(len(returns), dtype=np.int64)
+        stamps, number = np.empty((2, len(returns)), dtype=np.int64)
         n, out_of_range, without_pose = place(
             returns.xyz_sensor_m,
             returns.stamp_ns,
@@ -54,20 +60,71 @@ class Georeferencer:
             self._most_m,
             points,
             stamps,
+            number,
         )
         self.out_of_range += out_of_range
         self.without_pose += without_pose
         if n == 0:
             return None
-        points, stamps = points[:n], stamps[:n]
+        points, stamps, number = points[:n], stamps[:n], number[:n]
         if (stamps[1:] < stamps[:-1]).any():  # packets arrived out of order
             order = np.argsort(stamps, kind="stable")
-            points, stamps = points[order], stamps[order]
+            points, stamps, number = points[order], stamps[order], number[order]
         pose = history.interpolate(stamps[-1:])
         sensor = pose.position_enu_m[0] + pose.rotation_enu_from_frd[0] @ self._mount.lever_frd_m
         for array in (points, stamps, sensor):
             array.setflags(write=False)
-        return Scan(points_enu_m=points, stamp_ns=stamps, sensor_enu_m=sensor, frame=history.frame)
+        return Scan(
+            points_enu_m=points,
+            stamp_ns=stamps,
+            sensor_enu_m=sensor,
+            frame=history.frame,
+            attributes=self._attributes(returns, number, history),
+        )
+
+    def _attributes(
+        self, returns: Returns, number: NDArray[np.int64], history: PoseHistory
+    ) -> PointAttributes | None:
+        """Return the attributes of the placed returns, None if the sensor gives none."""
+        lost = self._place_lost(returns, history)
+        if not len(lost[0]) and not returns.has_attributes:
+            return None
+        intensity, echo, echoes = returns.intensity, returns.echo, returns.echoes
+        if len(number) < len(returns) or (number[1:] < number[:-1]).any():
+            intensity, echo, echoes = intensity[number], echo[number], echoes[number]
+        return PointAttributes.of(intensity, echo, echoes, *lost)
+
+    def _place_lost(
+        self, returns: Returns, history: PoseHistory
+    ) -> tuple[Floats, Floats, NDArray[np.float32]]:
+        """Return ends (m, 3), origins (m, 3) and weights (m,) of the lost rays below the horizon."""
+        if not len(returns.lost_ns):
+            return np.empty((0, 3)), np.empty((0, 3)), np.empty(0, np.float32)
+        ends, number = self._place_rays(returns.lost * np.float32(LOST_M), returns.lost_ns, history)
+        stamps = returns.lost_ns[number]
+        origins, _ = self._place_rays(np.zeros((len(stamps), 3), np.float32), stamps, history)
+        down = ends[:, 2] - origins[:, 2] <= _MOST_UP_M
+        ends, origins = ends[down], origins[down]
+        return ends, origins, np.full(len(ends), returns.lost_weight, np.float32)
+
+    def _place_rays(
+        self, xyz_m: NDArray[np.float32], stamp_ns: NDArray[np.int64], history: PoseHistory
+    ) -> tuple[Floats, NDArray[np.int64]]:
+        """Return points in the map frame, and their indices: those without a pose are left out."""
+        points, (stamps, number) = np.empty((len(stamp_ns), 3)), np.empty((2, len(stamp_ns)), np.int64)
+        n, _, _ = place(
+            xyz_m,
+            stamp_ns,
+            *history.samples(),
+            self._mount.rotation_frd_from_sensor,
+            self._mount.lever_frd_m,
+            0.0,
+            np.inf,
+            points,
+            stamps,
+            number,
+        )
+        return points[:n], number[:n]
 
     def _is_pitched(self, returns: Returns, history: PoseHistory) -> bool:
         """Return whether the sensor's x axis exceeded the returns' pitch limit, or its pitch is unknown."""

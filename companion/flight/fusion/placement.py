@@ -120,6 +120,7 @@ def place(
     most_m: float,
     points_enu_m: Array2D[np.float64],
     point_ns: Array1D[np.int64],
+    number: Array1D[np.int64],
 ) -> tuple[int, int, int]:
     """Write the map coordinates of all returns that are in range and have a pose.
 
@@ -133,8 +134,8 @@ def place(
         See `Mount`.
     least_m, most_m
         Range gate.
-    points_enu_m, point_ns
-        Outputs (n, 3) and (n,).
+    points_enu_m, point_ns, number
+        Outputs (n, 3), (n,) and (n,): position, stamp, and the return's index in `xyz_sensor_m`.
 
     Returns
     -------
@@ -188,6 +189,7 @@ def place(
                 points_enu_m[n, 0], points_enu_m[n, 1] = work[X, i], work[Y, i]
                 points_enu_m[n, 2] = work[Z, i]
                 point_ns[n] = stamp_ns[first + i]
+                number[n] = first + i
                 n += ONE
         first += count
     return int(n), out_of_range, without_pose

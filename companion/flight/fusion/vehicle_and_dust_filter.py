@@ -1,6 +1,7 @@
 """Filter of returns that are not ground: the vehicle itself, rain and dust near the sensor.
 
-A dropped return does not mark its ray as free: ground that was not seen stays unknown.
+A dropped return does not mark its ray as free: ground that was not seen stays unknown. Nor does its ray count
+as lost, since it did return.
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class VehicleAndDustFilter:
         if p.dust_reach_m > 0:
             xyz = returns.xyz_sensor_m
             near = np.einsum("ij,ij->i", xyz, xyz) < p.dust_reach_m**2
-            weak = returns.intensity < p.dust_intensity
+            weak = ~(returns.intensity >= p.dust_intensity)  # also where the sensor gives no intensity
             dust = near & (weak | (returns.echo < returns.echoes)) & ~drop
             self.dust += int(dust.sum())
             drop = drop | dust

@@ -257,3 +257,21 @@ def test_returns_of_a_synchronised_sensor_have_its_own_stamps_whatever_their_way
         stream.add_packet(livox(k, wall_ns + at_ns), "sensor", arrival_ns)
         stream.flush(arrival_ns)
     assert [int(stamp) for batch in batches for stamp in batch.stamp_ns] == measured
+
+
+def test_lost_rays_of_a_batch_without_any_return_go_with_the_next_batch() -> None:
+    batches: list[Returns] = []
+    stream = PacketStream(decoder_for("velodyne"), Parameters(), batches.append)
+    for number in range(4):
+        packet = (
+            velodyne_packet(only(0, 0), stamp_us=1327 * number)
+            if number == 3
+            else velodyne_packet(stamp_us=1327 * number)
+        )
+        stream.add_packet(packet, "a", 10**9 + 1_327_000 * number)
+        stream.flush(10**9 + 1_327_000 * number)
+    (batch,) = batches
+    assert len(batch) == 1
+    assert len(batch.lost_ns) == -(-(4 * 384 - 1) // 15)
+    assert np.ptp(batch.lost_ns) == pytest.approx(4 * 1_327_000, rel=0.1)
+    assert abs(int(batch.lost_ns.max()) - int(batch.stamp_ns[0])) < 1_400_000
