@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Self
 
 import numpy as np
@@ -76,6 +76,15 @@ class PointAttributes:
         """Return the attributes of n returns of a sensor that gives none."""
         none = np.zeros(n, np.uint8)
         return cls.of(np.full(n, np.nan, np.float32), none, none)
+
+    def select(self, which: slice | NDArray[Any]) -> Self:
+        """Return the attributes of a selection of the returns, in its order, with all lost rays."""
+        return replace(
+            self,
+            intensity=np.ascontiguousarray(self.intensity[which]),
+            echo=np.ascontiguousarray(self.echo[which]),
+            echoes=np.ascontiguousarray(self.echoes[which]),
+        )
 
     def __len__(self) -> int:
         return len(self.intensity)
@@ -189,18 +198,24 @@ def join(scans: Iterable[Scan]) -> Window:
         frame=newest.frame,
         start_ns=int(stamps.min()),
         end_ns=int(stamps.max()),
-        attributes=_join_attributes(scans),
+        attributes=_attributes(scans),
     )
 
 
-def _join_attributes(scans: Sequence[Scan]) -> PointAttributes | None:
-    if all(scan.attributes is None for scan in scans):
-        return None
-    parts = [
-        PointAttributes.unknown(len(scan)) if scan.attributes is None else scan.attributes for scan in scans
-    ]
+def join_attributes(parts: Sequence[PointAttributes]) -> PointAttributes:
+    """Return the attributes of all returns of `parts`, at least one, in their order, and all lost rays."""
     columns = (column.name for column in fields(PointAttributes))
     return PointAttributes.of(*(np.concatenate([getattr(part, name) for part in parts]) for name in columns))
+
+
+def _attributes(scans: Sequence[Scan]) -> PointAttributes | None:
+    if all(scan.attributes is None for scan in scans):
+        return None
+    return join_attributes([_known(scan) for scan in scans])
+
+
+def _known(scan: Scan) -> PointAttributes:
+    return PointAttributes.unknown(len(scan)) if scan.attributes is None else scan.attributes
 
 
 def _lost(scan: Scan) -> int:

@@ -19,6 +19,8 @@ from companion.desk.clouds.pcd import open_pcd
 from companion.desk.clouds.ply import open_ply
 from companion.desk.clouds.text import open_text
 from companion.runtime.errors import UsageError
+from slz import PointAttributes
+from slz.window import join_attributes
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,7 +30,7 @@ class GeoreferencedCloud:
     points: (n, 3) float64, x y z in the units of `reference`, finite. gps_s: (n,) float64, or None unless
     all files have times of one clock. dropped: points left out, by reason. coordinate_spacing: between
     neighbouring x or y coordinates, in CRS units, where a file holds 32-bit floating point numbers; 0 where
-    none does.
+    none does. attributes: of the points, None where none was asked for or no file has any.
     """
 
     points: NDArray[np.float64]
@@ -37,6 +39,7 @@ class GeoreferencedCloud:
     n_read: int
     dropped: dict[str, int]
     coordinate_spacing: float = 0.0
+    attributes: PointAttributes | None = None
 
 
 def read(
@@ -44,6 +47,7 @@ def read(
     crs: str | None = None,
     progress: Callable[[float], None] = lambda share: None,
     vertical_unit: str | None = None,
+    with_attributes: bool = False,
 ) -> GeoreferencedCloud:
     """Read files of one CRS; their formats may differ.
 
@@ -57,6 +61,8 @@ def read(
         Called with the share of points read.
     vertical_unit
         Unit of the heights, m, ft or us-ft; overrides the files'.
+    with_attributes
+        Keep intensity and return numbers.
 
     Raises
     ------
@@ -78,6 +84,7 @@ def read(
     dropped: Counter[str] = Counter()
     n_read = n = 0
     coordinate_spacing = 0.0
+    attributes: list[PointAttributes] = []
     for source in sources:
         begin, read_before = n, n_read
         for chunk in source.chunks():
@@ -87,6 +94,9 @@ def read(
             points[n:end] = chunk.points
             if gps_s is not None and chunk.gps_s is not None:
                 gps_s[n:end] = chunk.gps_s
+            if with_attributes:
+                unknown = PointAttributes.unknown(len(chunk.points))
+                attributes.append(unknown if chunk.attributes is None else chunk.attributes)
             n = end
             progress(min(n_read / n_points, 1.0))
         if n == begin:
@@ -104,6 +114,7 @@ def read(
         n_read,
         dict(dropped),
         coordinate_spacing,
+        join_attributes(attributes) if any(map(_is_known, attributes)) else None,
     )
 
 
@@ -145,6 +156,10 @@ def refuse_mixed(sources: Sequence[Source]) -> None:
                 f"{source.path}: its CRS {source.reference.name} differs from {first.reference.name} of"
                 f" {first.path}: reproject one of them"
             )
+
+
+def _is_known(attributes: PointAttributes) -> bool:
+    return bool(attributes.echoes.any() or not np.isnan(attributes.intensity).all())
 
 
 def _reasons(dropped: Counter[str]) -> str:

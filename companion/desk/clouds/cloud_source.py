@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from companion.desk.clouds.crs import Reference
 from companion.runtime.errors import CompanionError, UsageError
 from companion.runtime.interrupt import Interrupted
+from slz import PointAttributes
 
 CHUNK = 1_000_000  # points
 # Errors due to a file's name, or to an offset in a corrupt header: they would occur again.
@@ -31,12 +32,14 @@ class Chunk:
 
     points: (n, 3) float64, those to use, finite. gps_s: (n,) float64, their times, or None without a clock.
     n_read: points of the part, including those left out. dropped: number left out, by reason.
+    attributes: of the points to use, None where the format gives none.
     """
 
     points: NDArray[np.float64]
     gps_s: NDArray[np.float64] | None
     n_read: int
     dropped: dict[str, int]
+    attributes: PointAttributes | None = None
 
 
 class Source(Protocol):

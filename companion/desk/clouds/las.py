@@ -18,6 +18,7 @@ from companion.desk.clouds.header_check import check_header
 from companion.desk.clouds.laz_chunks import check_chunks, check_none_follow
 from companion.desk.clouds.laz_reader import read_points
 from companion.runtime.errors import UsageError
+from slz import PointAttributes
 
 # ASPRS classes. Noise is no ground. Nothing can land on water, so its points are dropped and it stays unseen.
 LOW_NOISE, HIGH_NOISE = 7, 18
@@ -68,7 +69,12 @@ class LasSource:
             dropped: dict[str, int] = {}
             points, keep = _usable(piece, dropped)
             gps_s = None if self.clock is None else np.asarray(piece.gps_time, np.float64)[keep]
-            yield Chunk(points, gps_s, len(piece), dropped)
+            attributes = PointAttributes.of(
+                np.asarray(piece.intensity)[keep],
+                np.asarray(piece.return_number, np.uint8)[keep],
+                np.asarray(piece.number_of_returns, np.uint8)[keep],
+            )
+            yield Chunk(points, gps_s, len(piece), dropped, attributes)
 
     def columns(self, first: int, stop: int) -> Iterator[Columns]:
         """Read points `first` to `stop`, only the fields that a map needs.

@@ -45,7 +45,7 @@ class VehicleAndDustFilter:
         if p.dust_reach_m > 0:
             xyz = returns.xyz_sensor_m
             near = np.einsum("ij,ij->i", xyz, xyz) < p.dust_reach_m**2
-            weak = ~(returns.intensity >= p.dust_intensity)  # also where the sensor gives no intensity
+            weak = ~(returns.intensity >= p.dust_intensity) & (p.dust_intensity > 0)  # also if unknown
             dust = near & (weak | (returns.echo < returns.echoes)) & ~drop
             self.dust += int(dust.sum())
             drop = drop | dust

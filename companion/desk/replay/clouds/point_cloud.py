@@ -19,6 +19,7 @@ TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 8: "f8"}
 TIMES = ("time", "t", "timestamp", "offset_time", "time_stamp", "time_offset")
 INTENSITIES = ("intensity", "reflectivity")
 RINGS = ("ring", "line", "channel")
+ECHOES = (("return_number",), ("number_of_returns", "num_returns"))
 JUDGED, LOOKED_AT = 50, 500  # clouds examined at most: with times, and all
 
 Table = NDArray[np.void]
@@ -63,7 +64,8 @@ def decode(table: Table, stamp_ns: int, clock: PointClock | None) -> Decoded:
     Parameters
     ----------
     table
-        (n,) records with the fields x, y, z (m) and any of `TIMES`, `INTENSITIES` and `RINGS`.
+        (n,) records with the fields x, y, z (m) and any of `TIMES`, `INTENSITIES`, `RINGS` and
+        `ECHOES`. Intensities keep the file's scale.
     stamp_ns
         The cloud's.
     clock
@@ -80,9 +82,9 @@ def decode(table: Table, stamp_ns: int, clock: PointClock | None) -> Decoded:
     stamps, sound = timed or (np.full(len(table), stamp_ns, np.int64), np.ones(len(table), bool))
     order = np.argsort(stamps, kind="stable")
     order = order[sound[order]]
-    intensity, ring = (_bytes(table, names)[order] for names in (INTENSITIES, RINGS))
-    one = np.ones(len(order), np.uint8)
-    returns = Returns(xyz[order], stamps[order], intensity, ring, one, one.copy())
+    intensity = _intensity(table)[order]
+    ring, echo, echoes = (_bytes(table, names)[order] for names in (RINGS, *ECHOES))
+    returns = Returns(xyz[order], stamps[order], intensity, ring, echo, echoes)
     return Decoded(returns, timed is not None, n_absent, len(table) - len(order))
 
 
@@ -157,9 +159,26 @@ def table_of(message: Any) -> Table:
     return np.frombuffer(dense.tobytes(), kinds)
 
 
+def _field(table: Table, wanted: tuple[str, ...]) -> NDArray[Any] | None:
+    """Return the first present field of `wanted`."""
+    name = next((name for name in wanted if name in (table.dtype.names or ())), None)
+    return None if name is None else table[name]
+
+
+def _intensity(table: Table) -> NDArray[np.uint8] | NDArray[np.float32]:
+    """Return intensities in the file's scale, NaN where there is none."""
+    found = _field(table, INTENSITIES)
+    if found is None:
+        return np.full(len(table), np.nan, np.float32)
+    if found.dtype == np.uint8:
+        return found
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.maximum(found.astype(np.float32), np.float32(0))
+
+
 def _bytes(table: Table, wanted: tuple[str, ...]) -> NDArray[np.uint8]:
     """Return the first present field of `wanted` as bytes, zero where there is none."""
-    name = next((name for name in wanted if name in (table.dtype.names or ())), None)
-    if name is None:
+    found = _field(table, wanted)
+    if found is None:
         return np.zeros(len(table), np.uint8)
-    return np.clip(np.nan_to_num(table[name].astype(np.float64)), 0, 255).astype(np.uint8)
+    return np.clip(np.nan_to_num(found.astype(np.float64)), 0, 255).astype(np.uint8)

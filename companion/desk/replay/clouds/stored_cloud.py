@@ -45,7 +45,7 @@ class StoredCloud:
 
     def __init__(self, path: Path, span_ns: tuple[int, int], vertical_unit: str | None = None) -> None:
         clock = open_las(path, None, vertical_unit).clock
-        cloud = read([path], vertical_unit=vertical_unit)
+        cloud = read([path], vertical_unit=vertical_unit, with_attributes=True)
         if clock is None or cloud.gps_s is None or not np.isfinite(cloud.gps_s).any():
             raise UsageError(f"{path}: its points have no times, which tie them to the flight: use slz map")
         times = resolve_times(cloud.gps_s, clock, span_ns)
@@ -59,6 +59,7 @@ class StoredCloud:
         order = order[times.fits[order]]
         self._stamp_ns = times.stamp_ns[order]
         self._lla = _lla(path, cloud)[order]
+        self._attributes = None if cloud.attributes is None else cloud.attributes.select(order)
         self._outside = len(times.fits) - len(order)
         self._clock, self._header = times.kind, clock
         self._reference = cloud.reference.name
@@ -91,7 +92,8 @@ class StoredCloud:
         pose = rerun.history.latest(int(stamps[-1]))
         sensor = np.full(3, np.nan) if pose is None else np.array(pose.position_enu_m)
         points = np.ascontiguousarray(frame.enu_m(*self._lla[part].T))
-        rerun.add_placed(Scan(points, stamps, sensor, frame))
+        attributes = None if self._attributes is None else self._attributes.select(part)
+        rerun.add_placed(Scan(points, stamps, sensor, frame, attributes=attributes))
 
 
 def _lla(path: Path, cloud: GeoreferencedCloud) -> NDArray[np.float64]:

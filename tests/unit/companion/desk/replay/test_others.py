@@ -23,6 +23,7 @@ from companion.desk.replay.ros.ros_pose import ned_from_frd
 from companion.desk.replay.telemetry.telemetry_log import TelemetryLog
 from companion.flight.link.command_server import CommandServer
 from companion.runtime.errors import UsageError
+from slz import Scan, join
 from tests.unit.companion.desk.replay import flights
 from tests.unit.companion.desk.replay.flights import BEGIN_NS, HOME, Bag
 from tests.unit.companion.desk.survey import clouds, packing
@@ -477,6 +478,29 @@ def test_placed_points_before_the_first_position_are_counted_and_left_out(tmp_pa
         rerun.hand_over(act)
     assert cloud.summary()["before_position"] == before > 0
     assert rerun.returns == cloud.summary()["points"] - before
+
+
+def test_a_placed_cloud_brings_intensity_and_return_numbers(tmp_path: Path) -> None:
+    path = flights.write_laz(tmp_path / "cloud.laz")
+    las = laspy.read(path)
+    n = len(las.points)
+    las.intensity = np.arange(n) % 60_000
+    las.return_number = np.where(np.arange(n) % 5 == 0, 0, 1)  # 0 contradicts the standard
+    las.number_of_returns = np.full(n, 2)
+    las.write(path)
+    scans: list[Scan] = []
+    rerun = Rerun(flights.PARAMETERS)
+    rerun.add_placed = scans.append  # type: ignore[method-assign]
+    rerun.history.add_position(BEGIN_NS, HOME.lat_deg, HOME.lon_deg, HOME.alt_m, (0.0, 0.0, 0.0))
+    for _, act in StoredCloud(path, SPAN_NS).steps(rerun):
+        rerun.hand_over(act)
+    window = join(scans)
+    assert window.attributes is not None
+    assert len(window) == n
+    in_order = np.argsort(las.gps_time, kind="stable")
+    np.testing.assert_array_equal(window.attributes.intensity, (np.arange(n) % 60_000)[in_order])
+    np.testing.assert_array_equal(window.attributes.echoes, np.where(in_order % 5 == 0, 0, 2))
+    assert not window.attributes.lost_enu_m.size
 
 
 def test_points_of_a_cloud_that_were_measured_before_the_flight_are_left_out_and_counted(
