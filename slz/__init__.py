@@ -9,6 +9,7 @@ from slz.landing_point.obstacles import Obstacle
 from slz.landing_point.surroundings import Surroundings
 from slz.pipeline import Pipeline
 from slz.report import MapReport, Report
+from slz.surface.surface_kinds import SurfaceHere, SurfaceKind
 from slz.terrain.changes import Drawn, DrawnTile
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE, TerrainMaps
 from slz.window import PointAttributes, Scan, Window, Windower, join
@@ -34,6 +35,8 @@ __all__ = [
     "Report",
     "Scan",
     "SelectedPoint",
+    "SurfaceHere",
+    "SurfaceKind",
     "Surroundings",
     "TerrainMaps",
     "Window",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from slz.grid import Box
 from slz.landing_point.obstacles import Obstacle
 from slz.lazy_fields import Lazy
+from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +21,7 @@ class LandingPoint:
     enu_m : (3,) map frame. clearance_m: distance to the nearest cell outside the zone. square_side_m:
     side of the largest safe square of the zone. certainty: probability that the whole footprint is safe; in
     source mode 1 or 0. horizon_deg: elevation angle of the highest obstacle on the way from the vehicle, NaN
-    where nothing was seen. distance_m: horizontal, from the vehicle.
+    where nothing was seen. distance_m: horizontal, from the vehicle. surface: what the ground there is.
     """
 
     enu_m: NDArray[np.float64]
@@ -30,6 +31,7 @@ class LandingPoint:
     certainty: float
     horizon_deg: float = math.nan
     distance_m: float = math.nan
+    surface: SurfaceHere = UNKNOWN_SURFACE
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.landing_point.surroundings import Surroundings, cell_of, ground_m, surroundings
+from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 from slz.terrain.footing import ANY_FOOTING, Footing
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 from slz.terrain.terrain_view import TerrainView
@@ -43,7 +44,7 @@ class SelectedPoint:
     point. slope_deg, relief_m: of the footprint at the point, NaN where unknown. certainty: the least of the
     cells within the touchdown error, in source mode that of the point's cell. surroundings: None where
     nothing is known. footing: headings at which the gear stands there, and how likely a
-    hazard went unseen.
+    hazard went unseen. surface: what the ground there is.
     """
 
     enu_m: NDArray[np.float64]
@@ -56,6 +57,7 @@ class SelectedPoint:
     zone_id: int | None
     surroundings: Surroundings | None
     footing: Footing = ANY_FOOTING
+    surface: SurfaceHere = UNKNOWN_SURFACE
 
 
 def judge_point(
@@ -85,6 +87,7 @@ def judge_point(
                 zone_id=None,
                 surroundings=surroundings(enu_m, terrain, parameters),
                 footing=footing,
+                surface=terrain.surface_at(enu_m, parameters.touchdown_error_m + parameters.footprint_m / 2),
             )
     return None
 

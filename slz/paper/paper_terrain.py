@@ -19,6 +19,7 @@ from slz.kernels.paper.point_pass import MOST_CELLS
 from slz.kernels.raster.bitmap import unpacked
 from slz.paper.snapshots import BlockCopies
 from slz.paper.window_cells import Returns
+from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 from slz.terrain.demand_zero import demand_zeros, prefault_range
 from slz.terrain.footing import ANY_FOOTING, Footing
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
@@ -182,6 +183,10 @@ class PaperTerrain:
     def footing_at(self, enu_m: NDArray[np.float64], error_m: float) -> Footing:
         """Return a footing at any heading: the sources know no gear."""
         return ANY_FOOTING
+
+    def surface_at(self, enu_m: NDArray[np.float64], around_m: float) -> SurfaceHere:
+        """Return an unknown surface: the sources tell none."""
+        return UNKNOWN_SURFACE
 
     def certainty_at(self, enu_m: NDArray[np.float64], error_m: float) -> float:
         """Return the certainty of the cell of a point."""

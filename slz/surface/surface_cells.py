@@ -44,12 +44,12 @@ class SurfaceCells:
     @cached_property
     def seen(self) -> Flags:
         """Cells with a return whose height counts."""
-        return self.fields[COUNT] > 0
+        return np.asarray(self.fields[COUNT] > 0)
 
     @property
     def mean_m(self) -> Floats:
         """Mean height of the returns; meaningless where nothing was seen."""
-        return self.fields[MEAN]
+        return np.asarray(self.fields[MEAN])
 
     @cached_property
     def spread_m(self) -> Floats:

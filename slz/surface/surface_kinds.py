@@ -56,3 +56,6 @@ class SurfaceHere:
         """Return whether a landing here needs the operator's confirmation by the profile's rules."""
         rule = {SurfaceKind.ROOF: roof, SurfaceKind.LOW_VEGETATION: vegetation}.get(self.kind, "allow")
         return rule != "allow"
+
+
+UNKNOWN_SURFACE = SurfaceHere()

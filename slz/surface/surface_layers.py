@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.surface.surface_kinds import SurfaceHere, SurfaceKind
+from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere, SurfaceKind
 
 N_LAYERS = 6
 WATER, ROOF, LOW_VEGETATION, CANOPY, RAISED, KIND = range(N_LAYERS)
@@ -39,7 +39,7 @@ class SurfaceLayers:
     @property
     def kind(self) -> NDArray[np.uint8]:
         """Likeliest kind of each cell."""
-        return self.values[KIND].astype(np.uint8)
+        return np.asarray(self.values[KIND].astype(np.uint8))
 
     def refused(self, parameters: Parameters) -> NDArray[np.bool_]:
         """Return the cells on which no vehicle may land: water may be there, or what the profile refuses."""
@@ -51,11 +51,11 @@ class SurfaceLayers:
         return np.asarray(out)
 
     def here(self) -> SurfaceHere:
-        """Return what the box is as a whole: its most frequent known kind, and its worst suspicion of water."""
+        """Return what the box is as a whole: its most frequent kind, and its worst suspicion of water."""
         kinds = self.kind.ravel()
         known = kinds[kinds != SurfaceKind.UNKNOWN]
         if not len(known):
-            return SurfaceHere()
+            return UNKNOWN_SURFACE
         kind = SurfaceKind(int(np.bincount(known).argmax()))
         own = self.kind == kind
         at = PROBABLE.get(kind)

@@ -14,8 +14,10 @@ from params import Parameters
 from slz.grid import Box
 from slz.kernels.surface.add_returns import SIDE, add_lost, add_returns, tiles_hit
 from slz.kernels.surface.surface_record import COUNT, SURFACE_FIELDS, TIME
-from slz.surface.classification import SurfaceLayers, classify
+from slz.surface.classification import classify
 from slz.surface.surface_cells import SurfaceCells
+from slz.surface.surface_kinds import SurfaceHere
+from slz.surface.surface_layers import N_LAYERS, SurfaceLayers
 
 Key = tuple[int, int]
 Edges = tuple[float, float, float, float]
@@ -196,9 +198,6 @@ class SurfaceMap:
         if not fields[..., COUNT].any():
             return []
         found = classify(SurfaceCells(np.ascontiguousarray(np.moveaxis(fields, 2, 0)), self.cell_m))
-        told = np.stack(
-            [found.water, found.roof, found.low_vegetation, found.canopy, found.raised_m, found.kind]
-        )
         changed = []
         side = self.cell_m * SIDE
         for key, here, there in parts:

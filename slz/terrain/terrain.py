@@ -32,6 +32,7 @@ from slz.kernels.cells.resolution_pyramid import downsample
 from slz.kernels.footprint.patch import COLS, rows_of_patch
 from slz.kernels.points.clutter import put_onto
 from slz.kernels.raster.bitmap import Bits
+from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 from slz.terrain.derive import CoveredCells, reach_of
 from slz.terrain.footing import Footing, footing
 from slz.terrain.layers import LAYERS, NAMED
@@ -51,13 +52,16 @@ State = NDArray[np.uint8]
 Edges = tuple[float, float, float, float]
 
 
-class RefusedGround(Protocol):
-    """Ground that is refused for its surface, whatever its shape."""
+class Surface(Protocol):
+    """What the ground is, and where that refuses it, whatever its shape."""
 
     def refused(
         self, west_m: float, south_m: float, cell_m: float, rows: int, cols: int
     ) -> NDArray[np.bool_] | None:
         """Return which cells of a raster from a corner on are refused; None where none is."""
+
+    def here(self, east_m: float, north_m: float, around_m: float) -> SurfaceHere:
+        """Return what the ground within a distance of a place is."""
 
 
 class EvidenceTerrain(UnboundedTerrain):
@@ -97,7 +101,7 @@ class EvidenceTerrain(UnboundedTerrain):
         self._aged_s = 0.0
         self._n_derived, self._new = 0, [0]
         self._thin = ThinObjects()
-        self.surface: RefusedGround | None = None
+        self.surface: Surface | None = None
         self._oldest_s: dict[Key, float] = {}  # last seen time of the cell not seen for longest
         self._reach = reach_of(parameters, grid.cell_m)
         self.radius, self._margin = self._reach.radius, self._reach.margin
@@ -339,6 +343,12 @@ class EvidenceTerrain(UnboundedTerrain):
         there, k = self._everywhere(box), self.radius
         cells = self._cells(Box(there.row0 - k, there.row1 + k, there.col0 - k, there.col1 + k))
         return footing(cells, *box.shape, k, self.grid.cell_m, self._parameters)
+
+    def surface_at(self, enu_m: NDArray[np.float64], around_m: float) -> SurfaceHere:
+        """Return what the ground within a distance of a point (3,) is."""
+        if self.surface is None:
+            return UNKNOWN_SURFACE
+        return self.surface.here(float(enu_m[0]), float(enu_m[1]), around_m)
 
     def tiles_within(self, box: Box) -> tuple[Box, NDArray[np.int32], NDArray[np.int64], Iterator[Block]]:
         """Return a box in the tiling's rows and columns, and `TiledLayers.within` of it."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Box, Grid
+from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 from slz.terrain.footing import ANY_FOOTING, Footing
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 from slz.terrain.tiles import Key
@@ -38,6 +39,9 @@ class TerrainView(Protocol):
 
     def certainty_at(self, enu_m: NDArray[np.float64], error_m: float) -> float:
         """Return the certainty of a point (3,) that may be missed by an error."""
+
+    def surface_at(self, enu_m: NDArray[np.float64], around_m: float) -> SurfaceHere:
+        """Return what the ground within a distance of a point (3,) is."""
 
     def ground_and_top(self, box: Box) -> tuple[Floats, Floats]:
         """Return mean heights and tops of the cells of a box (m), NaN where unknown."""
@@ -118,6 +122,10 @@ class UnboundedTerrain:
     def footing_at(self, enu_m: NDArray[np.float64], error_m: float) -> Footing:
         """Return a footing at any heading: maps without evidence of cells know no other."""
         return ANY_FOOTING
+
+    def surface_at(self, enu_m: NDArray[np.float64], around_m: float) -> SurfaceHere:
+        """Return an unknown surface: maps without evidence of surfaces know no other."""
+        return UNKNOWN_SURFACE
 
     def certainty_at(self: TerrainView, enu_m: NDArray[np.float64], error_m: float) -> float:
         """Return the certainty of a point: the least of the cells within the error."""

@@ -76,4 +76,5 @@ def best_point(
         certainty=terrain.certainty_at(enu_m, parameters.touchdown_error_m),
         horizon_deg=horizon_towards(enu_m, sensor_enu_m, terrain, parameters),
         distance_m=math.hypot(centre[0] - east_m, centre[1] - north_m),
+        surface=terrain.surface_at(enu_m, parameters.footprint_m / 2),
     )

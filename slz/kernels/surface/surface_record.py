@@ -7,7 +7,8 @@
 # BRIGHT, DIM: sums of the intensity of steep returns, and of those between steep and oblique; N_BRIGHT, N_DIM
 # their numbers. TIME: of the newest return (s).
 (
-    COUNT, MEAN, SQUARES, LOW, HIGH, DEEP, TALL, SEVERAL, TOLD, STEEP, OBLIQUE, LOST, BRIGHT, DIM, N_DIM, TIME,
+    COUNT, MEAN, SQUARES, LOW, HIGH, DEEP, TALL, SEVERAL, TOLD, STEEP, OBLIQUE, LOST, BRIGHT, DIM, N_DIM,
+    TIME,
 ) = range(16)  # fmt: skip
 SURFACE_FIELDS = 16
 
