@@ -10,6 +10,7 @@ from slz.surface.raised_plateaus import raised_plateaus
 from slz.surface.surface_cells import Floats, SurfaceCells
 from slz.surface.surface_kinds import SurfaceKind
 from slz.surface.surface_layers import SurfaceLayers
+from slz.surface.survey_classes import SurveyClasses
 from slz.surface.vanishing_returns import vanishing_returns
 
 SCORE_WATER = -4.7  # log odds of water before any evidence
@@ -21,17 +22,22 @@ LIKELIEST = np.array(
 )
 
 
-def classify(cells: SurfaceCells) -> SurfaceLayers:
-    """Tell the kinds of surface of a box of cells."""
+def classify(cells: SurfaceCells, classes: SurveyClasses | None = None) -> SurfaceLayers:
+    """Tell the kinds of surface of a box of cells; classes: what the maker of a survey said, if any."""
     extents, plateaus, plants = level_extents(cells), raised_plateaus(cells), penetration(cells)
     log_odds = SCORE_WATER + extents.evidence() + vanishing_returns(cells, extents)
     with np.errstate(invalid="ignore"):
         log_odds += np.where(cells.gradient > STEEP, SCORE_STEEP, 0)
     there = cells.seen | (extents.labels > 0)
     water = np.where(there, _probability(log_odds), 0)
-    plant = np.where(cells.seen, _probability(plants.log_odds), 0) * (1 - water)
+    for_plants, for_roof = plants.log_odds, plateaus.log_odds
     tall = np.clip((plants.depth_m - DEPTH_M) / 0.5 + 0.5, 0, 1)
-    roof = np.where(cells.seen, _probability(plateaus.log_odds), 0) * (1 - water - plant)
+    if classes is not None:
+        for_plants, for_roof = for_plants + classes.for_plants(), for_roof + classes.for_roof()
+        said = classes.tall_share()
+        tall = np.where(np.isnan(said), tall, said)
+    plant = np.where(cells.seen, _probability(for_plants), 0) * (1 - water)
+    roof = np.where(cells.seen, _probability(for_roof), 0) * (1 - water - plant)
     parts = np.stack([water, roof, plant * (1 - tall), plant * tall])
     bare = np.where(cells.seen & (cells.n_around >= FEWEST_RETURNS), 1 - parts.sum(axis=0), 0)
     likelihood = np.concatenate([parts, bare[np.newaxis]])

@@ -19,6 +19,16 @@ from companion.desk.clouds.laz_chunks import check_chunks, check_none_follow
 from companion.desk.clouds.laz_reader import read_points
 from companion.runtime.errors import UsageError
 from slz import PointAttributes
+from slz.kernels.survey.surface_sums import (
+    BUILDING,
+    CLASS_SHIFT,
+    GROUND,
+    LOW_PLANT,
+    SEVERAL,
+    TALL_PLANT,
+    TOLD,
+    UNCLASSIFIED,
+)
 
 # ASPRS classes. Noise is no ground. Nothing can land on water, so its points are dropped and it stays unseen.
 LOW_NOISE, HIGH_NOISE = 7, 18
@@ -26,6 +36,10 @@ LOW_NOISE, HIGH_NOISE = 7, 18
 # 44, an object of a sea chart, may rise above the water, so it is kept as evidence.
 WATER = (9, 40, 41, 42, 43, 45)
 COPC = "copc"
+# ASPRS class to the class in a point's mark; the last stands for all higher ones.
+CLASS_MARKS = np.array(
+    [UNCLASSIFIED, UNCLASSIFIED, GROUND, LOW_PLANT, TALL_PLANT, TALL_PLANT, BUILDING, UNCLASSIFIED], np.uint8
+)
 # Layers of LAZ 1.4 (point formats 6 to 10) that are decompressed for a map; older formats have no layers.
 LAYERS = (
     laspy.DecompressionSelection.XY_RETURNS_CHANNEL
@@ -39,13 +53,15 @@ LAYERS = (
 class Columns:
     """Points of a part of a file by coordinate, and the mask of those to use.
 
-    x, y, z: (n,) float64 contiguous, CRS units. keep: (n,) bool. n_read, dropped: as in `Chunk`.
+    x, y, z: (n,) float64 contiguous, CRS units. keep: (n,) bool. mark: (n,) uint8, see
+    `slz.kernels.survey.surface_sums`. n_read, dropped: as in `Chunk`.
     """
 
     x: NDArray[np.float64]
     y: NDArray[np.float64]
     z: NDArray[np.float64]
     keep: NDArray[np.bool_]
+    mark: NDArray[np.uint8]
     n_read: int
     dropped: dict[str, int]
 
@@ -104,7 +120,8 @@ class LasSource:
                 with np.errstate(invalid="ignore", over="ignore"):
                     x, y, z = (np.ascontiguousarray(piece[axis], np.float64) for axis in "xyz")
                 dropped: dict[str, int] = {}
-                yield Columns(x, y, z, _kept(piece, (x, y, z), dropped), len(piece), dropped)
+                keep = _kept(piece, (x, y, z), dropped)
+                yield Columns(x, y, z, keep, _marks(piece), len(piece), dropped)
         if n != stop:
             raise UsageError(f"{self.path}: it is truncated, {n} of {stop} points: copy it again")
 
@@ -191,6 +208,14 @@ def _usable(piece: Any, dropped: dict[str, int]) -> tuple[NDArray[np.float64], N
     xyz = coordinates(piece)
     keep = _kept(piece, tuple(xyz.T), dropped)
     return xyz[keep], keep
+
+
+def _marks(piece: Any) -> NDArray[np.uint8]:
+    """Return what each point tells besides its place; contradicting return numbers tell nothing."""
+    number, several = np.asarray(piece.return_number), np.asarray(piece.number_of_returns)
+    told = (number >= 1) & (number <= several)
+    kind = CLASS_MARKS[np.minimum(np.asarray(piece.classification), len(CLASS_MARKS) - 1)]
+    return np.asarray(told * TOLD | (told & (several > 1)) * SEVERAL | kind << CLASS_SHIFT, np.uint8)
 
 
 def _kept(piece: Any, axes: tuple[NDArray[np.float64], ...], dropped: dict[str, int]) -> NDArray[np.bool_]:

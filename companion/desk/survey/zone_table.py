@@ -65,6 +65,10 @@ def _row(zone: Zone, metric: Metric) -> dict[str, Any]:
         "point_certainty": round(best.certainty, 4),
         "point_slope_deg": _number(best.slope_deg, 3),
         "clearance_m": round(best.clearance_m * length, 3),
+        "surface": best.surface.kind.word,
+        "surface_probability": _number(best.surface.probability, 3),
+        "water": round(best.surface.water, 3),
+        "raised_m": _number(best.surface.raised_m, 2),
         "boundary_points": len(zone.boundary_cells),
         "corner_points": len(zone.corners_enu_m),
     }

@@ -47,17 +47,19 @@ def place(
     blocks: Array2D[np.int64],
     slots: Array1D[np.int64],
     n_blocks: int,
+    mark: Array1D[np.uint8],
     cell: Array1D[np.uint16],
     height: Array1D[np.int32],
     block: Array1D[np.int32],
+    marked: Array1D[np.uint8],
 ) -> tuple[int, int]:
     """Find block, cell and height of the points to keep; return the numbers of points and of blocks.
 
     x_cells, y_cells: cells per unit of x and y, from the origin of the CRS. z_units: units of height per unit
     of z. Points higher than most_height units or outside the index range are skipped. New blocks (row, col)
     go into `blocks` and their hash table `slots` (length a power of two, -1 where empty); when `blocks` is
-    full, the number of points is -1. `cell`, `height` and `block` receive cell, height and block number of
-    each point.
+    full, the number of points is -1. `cell`, `height`, `block` and `marked` receive cell, height, block
+    number and mark of each point.
     """
     n, last, last_row, last_col = 0, -1, 0, 0
     for i in range(len(x)):
@@ -78,7 +80,7 @@ def place(
                 n_blocks += 1
             last, last_row, last_col = slots[at], br, bc
         cell[n] = ((r & (BLOCK - 1)) << BLOCK_BITS) | (c & (BLOCK - 1))
-        height[n], block[n] = int(h), last
+        height[n], block[n], marked[n] = int(h), last, mark[i]
         n += 1
     return n, n_blocks
 
@@ -88,14 +90,16 @@ def by_block(
     block: Array1D[np.int32],
     cell: Array1D[np.uint16],
     height: Array1D[np.int32],
+    mark: Array1D[np.uint8],
     place_of: Array1D[np.int64],
     cell_out: Array1D[np.uint16],
     height_out: Array1D[np.int32],
+    mark_out: Array1D[np.uint8],
 ) -> None:
     """Sort points by block; place_of holds the start of each block, and is modified."""
     for i in range(len(block)):
         at = place_of[block[i]]
-        cell_out[at], height_out[at] = cell[i], height[i]
+        cell_out[at], height_out[at], mark_out[at] = cell[i], height[i], mark[i]
         place_of[block[i]] = at + 1
 
 

@@ -15,10 +15,10 @@ from shapely.geometry import MultiPolygon
 
 NUMBERS = (
     "area_m2", "certainty", "slope_deg", "roughness", "square_side_m", "lat", "lon", "elevation_m",
-    "point_certainty", "point_slope_deg", "clearance_m",
+    "point_certainty", "point_slope_deg", "clearance_m", "surface_probability", "water", "raised_m",
 )  # fmt: skip
 COUNTS = ("id", "rank", "boundary_points", "corner_points", "obstacles")
-TEXTS = ("why",)
+TEXTS = ("surface", "why")
 FIELDS = (*COUNTS, *NUMBERS, *TEXTS)
 Degrees = tuple[float, float, float, float]
 

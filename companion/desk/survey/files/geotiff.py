@@ -21,7 +21,7 @@ from rasterio.windows import Window
 from companion.desk.clouds.unit_statements import unit_name
 from companion.desk.survey.findings import Maps
 from companion.desk.survey.local_metres import Metric
-from slz import UNKNOWN, Box
+from slz import UNKNOWN, Box, SurfaceKind
 from slz.terrain.layers import NAMED, Output, reaching
 
 TILE = 256  # cells
@@ -40,7 +40,12 @@ class Raster:
 
     @property
     def is_float(self) -> bool:
-        return self.of != "state"
+        return self.of not in ("state", "surface")
+
+    @property
+    def unknown(self) -> float:
+        """Value where nothing is known."""
+        return math.nan if self.is_float else int(UNKNOWN) if self.of == "state" else SurfaceKind.UNKNOWN
 
 
 def rasters(metric: Metric, mode: str) -> tuple[Raster, ...]:
@@ -54,7 +59,14 @@ def rasters(metric: Metric, mode: str) -> tuple[Raster, ...]:
         if unit := layer.unit_in(mode):
             unit = unit_name(metric.reference.vertical_m) if layer.is_height else unit
             found.append(Raster(layer.file, layer.name, unit, layer.meaning.format(unit=unit)))
-    return (*found, Raster("safe", "state", "", "0 unsafe, 1 safe, 255 unknown"))
+    found.append(Raster("safe", "state", "", "0 unsafe, 1 safe, 255 unknown"))
+    if mode != "source":
+        kinds = ", ".join(f"{kind} {kind.word}" for kind in SurfaceKind)
+        found += [
+            Raster("surface", "surface", "", kinds),
+            Raster("water", "water", "probability", "probability of water"),
+        ]
+    return tuple(found)
 
 
 def write(path: Path, raster: Raster, maps: Maps, metric: Metric) -> Path:
@@ -82,7 +94,7 @@ def write(path: Path, raster: Raster, maps: Maps, metric: Metric) -> Path:
                 width=cols,
                 count=1,
                 dtype="float32" if raster.is_float else "uint8",
-                nodata=np.nan if raster.is_float else int(UNKNOWN),
+                nodata=raster.unknown,
                 crs=CRS.from_wkt(metric.reference.crs.to_wkt()),
                 transform=transform(maps, metric),
                 bigtiff="if_safer",
@@ -123,12 +135,12 @@ def _windows(rows: int, cols: int) -> Iterator[Box]:
 
 def _known(raster: Raster, values: NDArray[Any]) -> bool:
     """Return whether any cell of a window is known."""
-    return not (np.isnan(values) if raster.is_float else values == UNKNOWN).all()
+    return not (np.isnan(values) if raster.is_float else values == raster.unknown).all()
 
 
 def _values(raster: Raster, maps: Maps, metric: Metric, box: Box) -> NDArray[Any]:
     found = maps.read(raster.of, box)
-    if not raster.is_float or not NAMED[raster.of].is_height:
+    if not raster.is_float or raster.of not in NAMED or not NAMED[raster.of].is_height:
         return found
     height = metric.altitude_m(found.astype(np.float64)) / metric.reference.vertical_m
     return np.asarray(height.astype(np.float32))

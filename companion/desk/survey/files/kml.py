@@ -27,6 +27,9 @@ TOLD = (
     ("elevation_m", "elevation", "m"),
     ("point_certainty", "certainty of the point", ""),
     ("obstacles", "obstacles", ""),
+    ("surface", "surface", ""),
+    ("raised_m", "raised", "m"),
+    ("water", "probability of water", ""),
     ("why", "why this rank", ""),
 )
 

@@ -28,6 +28,7 @@ class Segment:
     col: int
     cells: NDArray[np.uint16]
     heights: NDArray[np.int32]
+    marks: NDArray[np.uint8]
     low: int
     high: int
 
@@ -62,6 +63,7 @@ def segments(paths: Sequence[Path], box: Box) -> Iterator[Segment]:
                 int(blocks[k, 1]),
                 arrays["cells"][part],
                 arrays["heights"][part],
+                arrays["marks"][part],
                 int(arrays["low"][k]),
                 int(arrays["high"][k]),
             )

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from companion.desk.survey.tiled import array_file
 from companion.desk.survey.tiled.cell_sums import Sums, join_cell_sums
 from companion.desk.survey.tiled.lattice import UNIT_M, block_box, common, grown, within
+from companion.desk.survey.tiled.surface_parts import SurfaceParts
 from params import Parameters
 from slz import UNKNOWN, Box
 from slz.kernels.cells.cell_statistics import summary
@@ -41,12 +42,13 @@ class Tile:
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """Values that all tiles share: the survey's box, trusted heights, the zero of heights, the parameters."""
+    """Values that all tiles share: the box, trusted heights, zero of heights, parameters, surface."""
 
     whole: Box
     interval: tuple[int, int]
     datum: int
     parameters: Parameters
+    surface: SurfaceParts
 
 
 def draw_tile(tile: Tile, ground: Ground) -> dict[str, Any]:
@@ -96,7 +98,7 @@ def _draw_block(block: Box, sums: Sums, margin: int, ground: Ground, box: Box, m
         some, evidence = evidence, np.zeros((*wide.shape, *evidence.shape[2:]), np.float32)
         evidence[within(held, wide)] = some
     cells = summary(evidence, 0.0, NEVER_S)
-    values, verdict = derive(cells, reach_of(p, p.cell_m), p.cell_m, p)
+    values, verdict = derive(cells, reach_of(p, p.cell_m), p.cell_m, p, ground.surface.refused(wide, p))
     part = common(block, box)
     out, here = within(part, box), within(part, block)
     for layer in KEPT:

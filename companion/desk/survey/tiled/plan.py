@@ -27,9 +27,9 @@ from slz import Box
 from slz.kernels.survey.point_binning import BLOCK
 
 PIECE = 4_000_000  # points sorted at a time
-VERSION = 2  # version of the files in a work folder
+VERSION = 3  # version of the files in a work folder
 TILE_CELLS = 1024
-DRAWN = ("tiles", "zones", "drawings")  # folders of files made from the sorted points
+DRAWN = ("surface", "tiles", "zones", "drawings")  # folders of files made from the sorted points
 MANIFEST, USED = "manifest.json", "used.json"
 
 

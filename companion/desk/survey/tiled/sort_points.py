@@ -49,8 +49,8 @@ def sort_piece(piece: Piece, lattice: Lattice, bin_m: float) -> SortOutcome:
     """Sort the points of a piece and write them; an existing sorted file is kept.
 
     The file holds, by block: blocks (n, 2) row and column, ends (n,), low and high (n,) of the heights;
-    cells and heights of the points; the number of points in each row and column of cells, and in each bin
-    of heights.
+    cells, heights and marks of the points; the number of points in each row and column of cells, and in each
+    bin of heights.
     """
     if piece.sorted.exists():
         return SortOutcome(piece.number, None)
@@ -73,7 +73,8 @@ def _columns(source: Source, piece: Piece) -> Iterator[Columns]:
         return
     for chunk in source.chunks():
         x, y, z = (np.ascontiguousarray(chunk.points[:, axis]) for axis in range(3))
-        yield Columns(x, y, z, np.ones(len(x), bool), chunk.n_read, chunk.dropped)
+        unmarked = np.zeros(len(x), np.uint8)
+        yield Columns(x, y, z, np.ones(len(x), bool), unmarked, chunk.n_read, chunk.dropped)
 
 
 class _Sorter:
@@ -89,7 +90,9 @@ class _Sorter:
         self._blocks = np.zeros((MOST_BLOCKS, 2), np.int64)
         self._slots = np.full(4 * MOST_BLOCKS, -1, np.int64)
         self._n_blocks = 0
-        self._parts: list[tuple[NDArray[np.uint16], NDArray[np.int32], NDArray[np.int32]]] = []
+        self._parts: list[
+            tuple[NDArray[np.uint16], NDArray[np.int32], NDArray[np.int32], NDArray[np.uint8]]
+        ] = []
         self._n_read = 0
         self._dropped: Counter[str] = Counter()
 
@@ -97,18 +100,19 @@ class _Sorter:
         """Add points; those beyond the lattice's range count as strays."""
         size = len(columns.x)
         cell, height, block = np.empty(size, np.uint16), np.empty(size, np.int32), np.empty(size, np.int32)
+        mark = np.empty(size, np.uint8)
         n = -1
         while n < 0:
             n, self._n_blocks = place(
                 columns.x, columns.y, columns.z, columns.keep, *self._scales,
-                self._blocks, self._slots, self._n_blocks, cell, height, block,
+                self._blocks, self._slots, self._n_blocks, columns.mark, cell, height, block, mark,
             )  # fmt: skip
             if n < 0:
                 self._widen()
         self._n_read += columns.n_read
         self._dropped.update(columns.dropped)
         self._dropped["stray"] += int(np.count_nonzero(columns.keep)) - n
-        self._parts.append((cell[:n], height[:n], block[:n]))
+        self._parts.append((cell[:n], height[:n], block[:n], mark[:n]))
 
     def _widen(self) -> None:
         """Quadruple the capacity for blocks."""
@@ -120,7 +124,7 @@ class _Sorter:
 
     def sorted(self, bin_m: float) -> tuple[Arrays, dict[str, Any]]:
         """Return the arrays and notes of a sorted file, blocks in the order of rows and columns."""
-        cell, height, block = (np.concatenate([part[k] for part in self._parts]) for k in range(3))
+        cell, height, block, mark = (np.concatenate([part[k] for part in self._parts]) for k in range(4))
         self._parts.clear()
         order = np.lexsort(self._blocks[: self._n_blocks].T[::-1])
         blocks = self._blocks[order]
@@ -128,8 +132,9 @@ class _Sorter:
         rank[order] = np.arange(self._n_blocks, dtype=np.int32)
         block = rank[block]
         ends = np.cumsum(np.bincount(block, minlength=self._n_blocks)).astype(np.int64)
-        cells, heights = np.empty_like(cell), np.empty_like(height)
-        by_block(block, cell, height, np.concatenate([[0], ends[:-1]]).astype(np.int64), cells, heights)
+        cells, heights, marks = np.empty_like(cell), np.empty_like(height), np.empty_like(mark)
+        begins = np.concatenate([[0], ends[:-1]]).astype(np.int64)
+        by_block(block, cell, height, mark, begins, cells, heights, marks)
         starts = np.concatenate([[0], ends[:-1]]).astype(np.int64)[: len(ends)]
         some = len(heights) > 0
         arrays: Arrays = {
@@ -139,6 +144,7 @@ class _Sorter:
             "high": np.maximum.reduceat(heights, starts) if some else np.empty(0, np.int32),
             "cells": cells,
             "heights": heights,
+            "marks": marks,
             "bins": _bins(heights, bin_m),
             **_lines(blocks, ends, cells),
         }

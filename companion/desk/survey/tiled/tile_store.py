@@ -13,13 +13,16 @@ from numpy.typing import NDArray
 
 from companion.desk.survey.tiled import array_file
 from companion.desk.survey.tiled.lattice import common, within
+from companion.desk.survey.tiled.surface_parts import SurfaceParts
 from slz import UNKNOWN, Box, Grid
 from slz.grid import read_at
+from slz.surface.surface_kinds import SurfaceHere
 from slz.terrain.layers import NAMED
 from slz.terrain.terrain_view import UnboundedTerrain
 
 HELD = 8  # tiles whose files stay mapped: at most 22 MB each, which count as the worker's memory
 Key = tuple[int, int]
+SURFACES = ("surface", "water")  # layers of the surface: kind, and probability of water
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +36,11 @@ class TileLayout:
     side: int
     whole: Box
     cell_m: float
+
+    @property
+    def surface(self) -> SurfaceParts:
+        """What the ground is."""
+        return SurfaceParts(self.folder.parent / "surface", self.cell_m)
 
     def path(self, key: Key) -> Path:
         return self.folder / f"{key[0]}_{key[1]}.tile"
@@ -92,6 +100,10 @@ class Store(UnboundedTerrain):
         wanted = Box(
             box.row0 + whole.row0, box.row1 + whole.row0, box.col0 + whole.col0, box.col1 + whole.col0
         )
+        if name in SURFACES:
+            told, row, col = self.layout.surface.over(wanted)
+            values: NDArray[Any] = told.kind if name == "surface" else told.water
+            return np.asarray(values[np.ix_(row, col)])
         state = name == "state"
         empty: Any = UNKNOWN if state else NAMED[name].empty
         out = np.full(box.shape, empty, np.uint8 if state else np.float32)
@@ -116,6 +128,11 @@ class Store(UnboundedTerrain):
 
     def layer_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
         return read_at(lambda box: self.layer(name, box), cells)
+
+    def surface_at(self, enu_m: NDArray[np.float64], around_m: float) -> SurfaceHere:
+        whole, cell_m = self.layout.whole, self.layout.cell_m
+        row, col = enu_m[1] / cell_m + whole.row0, enu_m[0] / cell_m + whole.col0
+        return self.layout.surface.here(float(row), float(col), around_m / cell_m)
 
     def state(self, box: Box) -> NDArray[np.uint8]:
         return np.asarray(self.read("state", box), np.uint8)

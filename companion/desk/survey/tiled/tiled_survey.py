@@ -26,6 +26,7 @@ from companion.desk.survey.tiled.derive_tiles import Ground, draw_tile
 from companion.desk.survey.tiled.lattice import UNIT_M, Lattice
 from companion.desk.survey.tiled.progress import Progress
 from companion.desk.survey.tiled.sort_points import Piece, sort_piece
+from companion.desk.survey.tiled.surface_parts import tell_part
 from companion.desk.survey.tiled.task_engine import Engine
 from companion.desk.survey.tiled.tile_labels import join_components, label_tile
 from companion.desk.survey.tiled.tile_store import Store, TileLayout
@@ -37,9 +38,10 @@ from slz import Box
 from slz.terrain.derive import reach_of
 from slz.zones.detection import side_in_cells
 
-SORTED_BYTES = 6.5  # on disk per point
+SORTED_BYTES = 7.5  # on disk per point
 LEAST_SHARES = {
-    "sorting": 0.4, "counting": 0.02, "drawing": 0.25, "joining": 0.03, "zones": 0.1, "writing": 0.2,
+    "sorting": 0.38, "counting": 0.02, "surface": 0.04, "drawing": 0.23, "joining": 0.03,
+    "zones": 0.1, "writing": 0.2,
 }  # fmt: skip
 MOST_CELLS = 4 * 10**12  # an unknown cell takes 0.08 bytes on disk: 320 GB in all
 MOST_LINES = 2**31 - 1  # rows or columns of a raster of GDAL
@@ -214,7 +216,12 @@ class TiledSurvey:
         tiles = plan.tiles(layout, paths, reach_of(p, p.cell_m).margin + 16)
         done = sum(tile.drawn.exists() for tile in tiles)
         datum = round(metric.origin[2] * metric.z_m / UNIT_M)
-        ground = Ground(census.box, census.interval, datum, p)
+        surface = layout.surface
+        surface.folder.mkdir(exist_ok=True)
+        parts = surface.parts(paths, census.box)
+        told = sum(part.done.exists() for part in parts)
+        self._each("surface", tell_part, parts, told, surface, census.box, census.interval, datum)
+        ground = Ground(census.box, census.interval, datum, p, surface)
         total: Counter[str] = Counter()
         for _, notes in self._each("drawing", draw_tile, tiles, done, ground):
             total.update({name: notes[name] for name in ("n_used", "n_outliers", "safe", "unsafe")})

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon
 
 from companion.desk.survey.tiled import array_file
-from slz import Box, Zone
+from slz import Box, SurfaceHere, SurfaceKind, Zone
 from slz.zone import LandingPoint
 
 NUMBERS = (
@@ -73,6 +73,10 @@ def load(path: Path) -> list[DescribedZone]:
     return [_found(number, arrays, told) for number, told in enumerate(notes["zones"])]
 
 
+def _surface(told: dict[str, Any]) -> SurfaceHere:
+    return SurfaceHere(**told | {"kind": SurfaceKind(told["kind"])})
+
+
 def _found(number: int, arrays: dict[str, NDArray[Any]], told: dict[str, Any]) -> DescribedZone:
     fields: dict[str, Any] = {name: told[name] for name in NUMBERS}
     fields |= {name: arrays[f"{number} {name}"] for name in ARRAYS}
@@ -80,7 +84,10 @@ def _found(number: int, arrays: dict[str, NDArray[Any]], told: dict[str, Any]) -
         **fields,
         box=Box(**told["box"]),
         obstacles=(),
-        best=LandingPoint(enu_m=arrays[f"{number} best"], **told["best"]),
+        best=LandingPoint(
+            enu_m=arrays[f"{number} best"],
+            **told["best"] | {"surface": _surface(told["best"]["surface"])},
+        ),
     )
     east, north = told["square_centre_m"]
     polygon = shapely.from_wkb(arrays[f"{number} polygon"].tobytes())
