@@ -21,7 +21,7 @@ from zlib import crc32
 import numpy as np
 
 from companion.flight.sensors.decoders.livox_points import decode_points
-from companion.flight.sensors.decoders.livox_scan_pattern import reconstruct_directions
+from companion.flight.sensors.decoders.livox_scan_pattern import ScanPattern
 from companion.flight.sensors.returns import RawReturns, thinning
 
 # version, length, time_interval (0.1 us), dot_num, udp_cnt, frame_cnt, data_type, time_type, 12 reserved,
@@ -69,6 +69,7 @@ class LivoxDecoder:
     _points: int = 0  # in `_packets`
     _next_count: int = 0  # expected number of the next packet
     _sound: tuple[bytes, tuple[int, ...]] = (b"", ())
+    _pattern: ScanPattern = field(default_factory=ScanPattern)
 
     def __len__(self) -> int:
         """Return the number of packets stored and not decoded yet."""
@@ -146,13 +147,11 @@ class LivoxDecoder:
         self.counters.returns += kept
         one = np.ones(kept, np.uint8)
         lost, lost_ns, lost_ring = lost[:n_lost], lost_ns[:n_lost], lost_ring[:n_lost]
-        if n_lost and (unknown := np.isnan(lost[:, 0])).any():
-            lost[unknown] = reconstruct_directions(
-                *(xyz[:kept], stamps[:kept], ring[:kept]), *(lost_ns[unknown], lost_ring[unknown])
+        if n_lost or self._pattern.waiting:
+            lost, lost_ns, absent = self._pattern.direct(
+                xyz[:kept], stamps[:kept], ring[:kept], lost, lost_ns, lost_ring
             )
-            known = ~np.isnan(lost[:, 0])
-            self.counters.no_direction += int(n_lost - known.sum())
-            lost, lost_ns = lost[known], lost_ns[known]
+            self.counters.no_direction += absent
         return RawReturns(
             *(xyz[:kept], stamps[:kept], intensity[:kept], ring[:kept], one, one),
             lost=lost,

@@ -16,6 +16,10 @@ from numpy.typing import NDArray
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, ReadOnly1D, ReadOnly2D
 from slz.kernels.jit import kernel
 
+Points = NDArray[np.float32]
+Stamps = NDArray[np.int64]
+Lines = NDArray[np.uint8]
+
 LINES = 4
 TERMS = 5  # 1, t, t squared, cosine and sine of the mirror's angle
 TURNS = 1.5  # of the mirror, in a fit
@@ -26,6 +30,8 @@ MOST_WRONG = 0.05  # share of the returns that may exceed it
 MOST_GAP = 0.55  # turns from a ray to the nearest returns before and after it
 NEAR_NS = 100_000  # between two returns of a line, to estimate the mirror's rate
 RATES = 101  # estimates of the rate, of which the median is used
+TAIL_NS = 9_000_000  # of returns kept for the next batch, at least `TURNS`
+WAIT_NS = 4_000_000  # that a ray may wait for a return after it, more than `MOST_GAP`
 SLOWEST, FASTEST = 2 * math.pi * 20, 2 * math.pi * 600  # rad/s
 
 
@@ -228,3 +234,60 @@ def reconstruct_directions(
         _reconstruct(xyz_m, stamp_ns, ring, lost_ns[order], lost_ring[order], found)
     lost[order] = found
     return lost
+
+
+class ScanPattern:
+    """Directions of lost rays batch by batch.
+
+    The last returns of a batch serve the next one too, and a ray that no return has followed yet waits for
+    the next batch: else a sector without returns that a batch cuts in two would lose its rays.
+    """
+
+    def __init__(self) -> None:
+        none_ns, none_ring = np.empty(0, np.int64), np.empty(0, np.uint8)
+        self._tail: tuple[Points, Stamps, Lines] = np.empty((0, 3), np.float32), none_ns, none_ring
+        self._waiting: tuple[Stamps, Lines] = none_ns, none_ring
+
+    @property
+    def waiting(self) -> int:
+        """Number of rays that wait for the next batch."""
+        return len(self._waiting[0])
+
+    def direct(
+        self,
+        xyz_m: NDArray[np.float32],
+        stamp_ns: NDArray[np.int64],
+        ring: NDArray[np.uint8],
+        lost: NDArray[np.float32],
+        lost_ns: NDArray[np.int64],
+        lost_ring: NDArray[np.uint8],
+    ) -> tuple[NDArray[np.float32], NDArray[np.int64], int]:
+        """Return directions and stamps of lost rays, and the number of those left without a direction.
+
+        Parameters
+        ----------
+        xyz_m, stamp_ns, ring
+            Returns of the batch.
+        lost, lost_ns, lost_ring
+            Its lost rays; directions that are NaN are reconstructed.
+        """
+        unknown = np.isnan(lost[:, 0])
+        if not unknown.any() and not self.waiting:
+            return lost, lost_ns, 0
+        rays_ns = np.concatenate([self._waiting[0], lost_ns[unknown]])
+        rays_ring = np.concatenate([self._waiting[1], lost_ring[unknown]])
+        xyz_m = np.concatenate([self._tail[0], xyz_m])
+        stamp_ns = np.concatenate([self._tail[1], stamp_ns])
+        ring = np.concatenate([self._tail[2], ring])
+        found = reconstruct_directions(xyz_m, stamp_ns, ring, rays_ns, rays_ring)
+        newest_ns = max(int(rays_ns.max()), int(stamp_ns.max(initial=0)))
+        recent = np.abs(newest_ns - stamp_ns) <= TAIL_NS
+        self._tail = xyz_m[recent], stamp_ns[recent], ring[recent]
+        known = np.isfinite(found[:, 0])
+        waits = ~known & (np.abs(newest_ns - rays_ns) <= WAIT_NS)
+        self._waiting = rays_ns[waits], rays_ring[waits]
+        return (
+            np.concatenate([lost[~unknown], found[known]]),
+            np.concatenate([lost_ns[~unknown], rays_ns[known]]),
+            int(len(rays_ns) - known.sum() - waits.sum()),
+        )
