@@ -224,16 +224,26 @@ def reconstruct_directions(
     lost_ns, lost_ring
         Stamps and lines of the rays, (m,).
     """
-    lost = np.empty((len(lost_ns), 3), np.float32)
-    if (stamp_ns[1:] < stamp_ns[:-1]).any():  # packets arrived out of order
-        order = np.argsort(stamp_ns, kind="stable")
-        xyz_m, stamp_ns, ring = xyz_m[order], stamp_ns[order], ring[order]
+    found = np.full((len(lost_ns), 3), np.nan, np.float32)
+    if not len(stamp_ns):
+        return found
+    xyz_m, stamp_ns, ring = _in_order(xyz_m, stamp_ns, ring)
+    if not (lost_ns[1:] < lost_ns[:-1]).any():
+        _reconstruct(xyz_m, stamp_ns, ring, lost_ns, lost_ring, found)
+        return found
     order = np.argsort(lost_ns, kind="stable")
-    found = np.full_like(lost, np.nan)
-    if len(stamp_ns):
-        _reconstruct(xyz_m, stamp_ns, ring, lost_ns[order], lost_ring[order], found)
-    lost[order] = found
-    return lost
+    sorted_rays = np.empty_like(found)
+    _reconstruct(xyz_m, stamp_ns, ring, lost_ns[order], lost_ring[order], sorted_rays)
+    found[order] = sorted_rays
+    return found
+
+
+def _in_order(xyz_m: Points, stamp_ns: Stamps, ring: Lines) -> tuple[Points, Stamps, Lines]:
+    """Return returns in the order of their stamps; packets may arrive in another."""
+    if not (stamp_ns[1:] < stamp_ns[:-1]).any():
+        return xyz_m, stamp_ns, ring
+    order = np.argsort(stamp_ns, kind="stable")
+    return xyz_m[order], stamp_ns[order], ring[order]
 
 
 class ScanPattern:
@@ -274,15 +284,17 @@ class ScanPattern:
         unknown = np.isnan(lost[:, 0])
         if not unknown.any() and not self.waiting:
             return lost, lost_ns, 0
+        newest_ns = max(int(stamp_ns.max(initial=0)), int(lost_ns.max(initial=0)))
         rays_ns = np.concatenate([self._waiting[0], lost_ns[unknown]])
         rays_ring = np.concatenate([self._waiting[1], lost_ring[unknown]])
-        xyz_m = np.concatenate([self._tail[0], xyz_m])
-        stamp_ns = np.concatenate([self._tail[1], stamp_ns])
-        ring = np.concatenate([self._tail[2], ring])
+        xyz_m, stamp_ns, ring = _in_order(
+            np.concatenate([self._tail[0], xyz_m]),
+            np.concatenate([self._tail[1], stamp_ns]),
+            np.concatenate([self._tail[2], ring]),
+        )
         found = reconstruct_directions(xyz_m, stamp_ns, ring, rays_ns, rays_ring)
-        newest_ns = max(int(rays_ns.max()), int(stamp_ns.max(initial=0)))
-        recent = np.abs(newest_ns - stamp_ns) <= TAIL_NS
-        self._tail = xyz_m[recent], stamp_ns[recent], ring[recent]
+        first, stop = np.searchsorted(stamp_ns, [newest_ns - TAIL_NS, newest_ns + 1])
+        self._tail = xyz_m[first:stop], stamp_ns[first:stop], ring[first:stop]
         known = np.isfinite(found[:, 0])
         waits = ~known & (np.abs(newest_ns - rays_ns) <= WAIT_NS)
         self._waiting = rays_ns[waits], rays_ring[waits]

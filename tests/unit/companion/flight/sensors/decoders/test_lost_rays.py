@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from companion.flight.sensors.decoders.livox_decoder import LivoxDecoder
-from companion.flight.sensors.decoders.livox_scan_pattern import reconstruct_directions
+from companion.flight.sensors.decoders.livox_scan_pattern import ScanPattern, reconstruct_directions
 from companion.flight.sensors.decoders.ouster_decoder import OusterDecoder
 from companion.flight.sensors.decoders.velodyne_decoder import VelodyneDecoder
 from companion.flight.sensors.returns import RawReturns, join_raw
@@ -234,3 +234,26 @@ def test_a_ray_far_from_any_return_has_no_direction() -> None:
     assert unknown[:200].all()
     assert unknown[-200:].all()
     assert not unknown[400:480].any()
+
+
+def test_rays_in_another_order_have_the_same_directions_and_an_old_clock_is_forgotten() -> None:
+    index = np.arange(8_000)
+    true, stamp_ns, ring = (
+        directions(index, index * PERIOD_NS),
+        index * PERIOD_NS,
+        (index % 4).astype(np.uint8),
+    )
+    lost = index % 3 == 0
+    returns = (true[~lost] * 20).astype(np.float32), stamp_ns[~lost], ring[~lost]
+    found = reconstruct_directions(*returns, stamp_ns[lost], ring[lost])
+    back = reconstruct_directions(*returns, stamp_ns[lost][::-1].copy(), ring[lost][::-1].copy())
+    np.testing.assert_array_equal(back[::-1], found)
+    pattern, nowhere = ScanPattern(), np.full((int(lost.sum()), 3), np.nan, np.float32)
+    hour_ns = 3_600 * 10**9
+    pattern.direct(
+        returns[0], returns[1] + hour_ns, returns[2], nowhere, stamp_ns[lost] + hour_ns, ring[lost]
+    )
+    for _ in range(2):
+        again, _, _ = pattern.direct(*returns, nowhere, stamp_ns[lost], ring[lost])
+    assert len(again) > 0.95 * len(nowhere)
+    assert pattern.waiting < 0.05 * len(nowhere)
