@@ -24,6 +24,7 @@ EAGER = "@kernel\n"
 KERNELS = ("slz/kernels/points/voxels", "companion/flight/fusion/placement")
 OF_SOME_FLIGHTS = {
     "companion.flight.sensors.decoders.livox_points",
+    "companion.flight.sensors.decoders.livox_scan_pattern",
     "companion.flight.sensors.decoders.ouster_points",
     "companion.flight.sensors.decoders.velodyne_points",
     "companion.flight.dashboard.quantise",
