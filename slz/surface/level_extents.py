@@ -15,12 +15,14 @@ from scipy import ndimage
 from slz.surface.surface_cells import PLANE_RADIUS, Floats, SurfaceCells, maximum_around
 
 GRADIENT, RESIDUAL_M = 0.01, 0.06  # of a plane over five cells: level as water, even with ripples
+ROUGHEST_M, SIGMAS = 0.2, 2.5  # of planes over ten cells, with waves; how far a shore cell may be off
 SMALLEST_M2 = 40.0  # extent of level planes, that is without a margin of two cells
 BAND_M = 0.06  # a cell at the shore belongs to the water if its mean is so near the level
 BANK_M = 0.10  # ground higher than the level by this is a bank
 BANK_CELLS = 4  # width of the ring in which banks are looked for
 FEWEST_RING = 12  # cells of the ring that were seen
 SECTORS = 12  # directions in which a bank is looked for
+BANKED_M2, BANKED_SIDES = (100.0, 400.0, 1500.0, 4000.0), (7, 6, 3, 1)  # the larger, the fewer need a bank
 EXACT_M, POOR_M = 0.006, 0.03  # standard deviation of the level of water, and of ground
 
 EXTENTS_M2 = 40.0, 100.0, 400.0, 10_000.0, 40_000.0  # nothing but water is level over so much
@@ -35,11 +37,14 @@ SCORE_SPILL = -4.0
 class LevelExtents:
     """Extents of one level.
 
-    labels: (rows, cols) int32, 0 for none. log_odds: of each label, what the extent says for water.
+    labels: (rows, cols) int32, 0 for none. Of each label: log_odds, what the extent says for water; level_m;
+    residual_m of its planes, root mean square.
     """
 
     labels: NDArray[np.int32]
     log_odds: NDArray[np.float64]
+    level_m: NDArray[np.float64]
+    residual_m: NDArray[np.float64]
 
     def evidence(self) -> Floats:
         """Return the log odds for water of every cell, 0 where no extent is."""
@@ -47,15 +52,39 @@ class LevelExtents:
 
 
 def level_extents(cells: SurfaceCells) -> LevelExtents:
-    """Find the extents of one level, and how much they are like water."""
+    """Find the extents of one level, and how much they are like water.
+
+    Planes through cells twice as wide find rippled or sparsely hit water, and say more where they find it.
+    """
+    fine, coarse = _extents(cells, RESIDUAL_M), _extents(cells.coarser(), ROUGHEST_M)
+    if not coarse.log_odds.any():
+        return fine
+    rows, cols = cells.shape
+    wide = coarse.labels.repeat(2, axis=0).repeat(2, axis=1)[:rows, :cols]
+    band_m = np.maximum(BAND_M, SIGMAS * coarse.residual_m)[wide]
     with np.errstate(invalid="ignore"):
-        core = (cells.gradient < GRADIENT) & (cells.residual_m < RESIDUAL_M)
+        belongs = ~cells.seen | (np.abs(cells.mean_m - coarse.level_m[wide]) < band_m)
+    wide = np.where(belongs, wide, 0)
+    better = (wide > 0) & ((fine.labels == 0) | (coarse.log_odds[wide] > fine.log_odds[fine.labels]))
+    labels = np.where(better, wide + len(fine.log_odds) - 1, fine.labels)
+    return LevelExtents(
+        labels,
+        np.concatenate([fine.log_odds, coarse.log_odds[1:]]),
+        np.concatenate([fine.level_m, coarse.level_m[1:]]),
+        np.concatenate([fine.residual_m, coarse.residual_m[1:]]),
+    )
+
+
+def _extents(cells: SurfaceCells, most_residual_m: float) -> LevelExtents:
+    """Find the extents of one level in cells of one size."""
+    with np.errstate(invalid="ignore"):
+        core = (cells.gradient < GRADIENT) & (cells.residual_m < most_residual_m)
     labels, n = ndimage.label(core)
     wide = np.bincount(labels.ravel(), minlength=n + 1) * cells.cell_m**2 >= SMALLEST_M2
     wide[0] = False
     n = int(np.count_nonzero(wide))
     if n == 0:
-        return LevelExtents(np.zeros(cells.shape, np.int32), np.zeros(1))
+        return LevelExtents(np.zeros(cells.shape, np.int32), np.zeros(1), np.full(1, np.nan), np.zeros(1))
     number = np.zeros(len(wide), np.int32)
     number[wide] = np.arange(1, n + 1)
     labels = number[labels]
@@ -64,27 +93,34 @@ def level_extents(cells: SurfaceCells) -> LevelExtents:
     height = cells.level_m[labels > 0].astype(np.float64)
     level = np.bincount(own, height) / size
     variance = np.bincount(own, (height - level[own]) ** 2) / size
-    of_noise = cells.residual_m[labels > 0] ** 2 / cells.n_around[labels > 0]
-    inexact_m = np.sqrt(np.maximum(0, variance - np.bincount(own, of_noise) / size))
-    level = np.concatenate([[np.nan], level])
-    grown = _with_shore(cells, labels, level)
-    score = np.zeros(n + 1)
+    residual2 = cells.residual_m[labels > 0].astype(np.float64) ** 2
+    of_noise = np.bincount(own, residual2 / cells.n_around[labels > 0]) / size
+    inexact_m = np.sqrt(np.maximum(0, variance - of_noise))
+    level = _after_none(np.nan, level)
+    residual_m = _after_none(0.0, np.sqrt(np.bincount(own, residual2) / size))
+    grown = _with_shore(cells, labels, level, np.maximum(BAND_M, SIGMAS * residual_m))
     exact = np.interp(inexact_m, [EXACT_M, POOR_M], [1.0, -1.0])
     area = np.interp(np.log(size * cells.cell_m**2), np.log(EXTENTS_M2), SCORE_EXTENTS)
-    score[1:] = np.minimum(area, 0) + np.maximum(area, 0) * exact - SCORE_POOR * np.maximum(-exact, 0)
+    own_score = np.minimum(area, 0) + np.maximum(area, 0) * exact - SCORE_POOR * np.maximum(-exact, 0)
+    score = _after_none(0.0, own_score)
     score[1:] += _banks(cells, grown, level)[1:]
-    return LevelExtents(grown, score)
+    return LevelExtents(grown, score, level, residual_m)
+
+
+def _after_none(none: float, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the values of all labels: that of label 0, which is no extent, and those of the others."""
+    return np.concatenate([[none], values])
 
 
 def _with_shore(
-    cells: SurfaceCells, labels: NDArray[np.int32], level: NDArray[np.float64]
+    cells: SurfaceCells, labels: NDArray[np.int32], level: NDArray[np.float64], band_m: NDArray[np.float64]
 ) -> NDArray[np.int32]:
     """Return labels grown over the margin that the planes leave, up to cells that rise from the level."""
     grown, seen = labels, cells.seen
     for _ in range(PLANE_RADIUS + 1):
         nearest = maximum_around(grown, 1)
         with np.errstate(invalid="ignore"):
-            belongs = ~seen | (np.abs(cells.mean_m - level[nearest]) < BAND_M)
+            belongs = ~seen | (np.abs(cells.mean_m - level[nearest]) < band_m[nearest])
         grown = np.where((grown == 0) & belongs, nearest, grown)
     inside = ndimage.binary_closing((grown > 0) & seen, iterations=2)
     return np.where(
@@ -95,7 +131,7 @@ def _with_shore(
 def _banks(cells: SurfaceCells, grown: NDArray[np.int32], level: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the log odds for water from what lies around each extent: banks, even ground, or a drop.
 
-    Banks on one side are a wall beside a yard: they must be seen in several directions from the middle.
+    Banks on one side of a small extent are a wall beside a yard; a lake may be cut by the edge of a survey.
     """
     n, margin = len(level), BANK_CELLS + 1
     wide = np.pad(grown, margin)
@@ -119,5 +155,6 @@ def _banks(cells: SurfaceCells, grown: NDArray[np.int32], level: NDArray[np.floa
         np.bincount(sector, minlength=n * SECTORS), 1
     )
     sides = banked.reshape(n, SECTORS).sum(axis=1)
-    score += SCORE_BANKS * np.clip((up - 0.35) / 0.35, 0, 1) * np.clip((sides - 6) / 2, 0, 1)
+    fewest = np.interp(size * cells.cell_m**2, BANKED_M2, BANKED_SIDES)
+    score += SCORE_BANKS * np.clip((up - 0.35) / 0.35, 0, 1) * np.clip((sides - fewest) / 2, 0, 1)
     return np.asarray(np.where(total >= FEWEST_RING, score, 0.0))

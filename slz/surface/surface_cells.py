@@ -17,6 +17,7 @@ from slz.kernels.surface.surface_record import (
     MEAN,
     RESIDUAL,
     SQUARES,
+    SURFACE_FIELDS,
     N,
 )
 
@@ -81,6 +82,21 @@ class SurfaceCells:
     def residual_m(self) -> Floats:
         """Residual of that plane, root mean square."""
         return np.asarray(self._planes[RESIDUAL])
+
+    def coarser(self) -> SurfaceCells:
+        """Return the shape of the ground in cells twice as wide; other fields are left empty."""
+        rows, cols = (-(-n // 2) for n in self.shape)
+        parts = np.zeros((SURFACE_FIELDS, 2 * rows, 2 * cols), np.float32)
+        parts[:, : self.shape[0], : self.shape[1]] = self.fields
+        parts = parts.reshape(SURFACE_FIELDS, rows, 2, cols, 2)
+        count, mean = parts[COUNT].astype(np.float64), parts[MEAN].astype(np.float64)
+        total = count.sum(axis=(1, 3))
+        middle = (count * mean).sum(axis=(1, 3)) / np.maximum(total, 1)
+        off = mean - middle[:, None, :, None]
+        out = np.zeros((SURFACE_FIELDS, rows, cols), np.float32)
+        out[COUNT], out[MEAN] = total, middle
+        out[SQUARES] = (parts[SQUARES] + count * off**2).sum(axis=(1, 3))
+        return SurfaceCells(out, 2 * self.cell_m)
 
 
 def maximum_around(values: NDArray[T], radius: int) -> NDArray[T]:

@@ -135,7 +135,9 @@ def test_the_nearest_zones_are_those_that_trying_all_finds(tmp_path: Path) -> No
         rows.append({"id": number, "rank": number, "lat": lat, "lon": lon, "why": "", "obstacles": 0}
             | {"boundary_points": 50, "corner_points": 9, "slope_deg": None, "area_m2": 9.0, "certainty": 1.0}
             | dict.fromkeys(("roughness", "square_side_m", "elevation_m"), 1.0)
-            | dict.fromkeys(("point_certainty", "point_slope_deg", "clearance_m"), 1.0))  # fmt: skip
+            | dict.fromkeys(("point_certainty", "point_slope_deg", "clearance_m"), 1.0)
+            | dict.fromkeys(("surface_probability", "water", "raised_m"), 1.0)
+            | {"surface": "bare ground"})  # fmt: skip
         shapes.append(shapely.MultiPolygon([ring]))
     write_flatgeobuf(tmp_path / "zones.fgb", shapes, rows)
     for _ in range(5):

@@ -63,7 +63,8 @@ def add_sums(
         sums[2, r, c] += over * over
         sums[3, r, c] += mark[i] & TOLD
         sums[4, r, c] += (mark[i] & SEVERAL) >> 1
-        classes[r, c, min(mark[i] >> CLASS_SHIFT, CLASSES - 1)] += 1
+        kind = np.int64(mark[i] >> CLASS_SHIFT)
+        classes[r, c, min(kind, CLASSES - 1)] += 1
 
 
 @kernel

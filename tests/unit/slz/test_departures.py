@@ -83,7 +83,8 @@ def test_a_zone_that_shrank_keeps_its_size_by_the_source_and_loses_it_by_default
     kerb = flat(40, 40)
     kerb[row:] = 0.4
     kerb[row + 1 :: 2, ::2] = 1.5
-    for pipe, shrinks in zip(both(), (False, True), strict=True):
+    dry = both("water_suspicion=1")  # dead level with a bank, it may be a pond
+    for pipe, shrinks in zip(dry, (False, True), strict=True):
         before = fly(pipe, returns(flat(40, 40), 1.0)).zones[0]
         after = fly(pipe, returns(kerb, 1.0))
         beyond = after.grid.index(20.5, row + 0.5)

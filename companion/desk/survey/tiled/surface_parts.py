@@ -9,7 +9,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +42,6 @@ from slz.surface.surface_map import CELL_M
 from slz.surface.survey_classes import SurveyClasses
 
 SIDE, MARGIN = 1024, 256  # surface cells
-HELD = 8  # parts kept mapped
 
 
 @dataclass(frozen=True, slots=True)
@@ -205,6 +203,5 @@ def _keys(box: Box, side: int) -> Iterator[tuple[int, int]]:
     )
 
 
-@lru_cache(HELD)
 def _values(path: Path) -> NDArray[Any] | None:
     return array_file.read(path)[0]["values"] if path.exists() else None

@@ -40,6 +40,8 @@ class Patches:
         seen = (col < 300) | (col >= self.cols - 70)
         if name == "state":
             return np.where(seen, (row + col) % 2, UNKNOWN).astype(np.uint8)
+        if name == "surface":
+            return np.where(seen, 1 + (row + col) % 5, 0).astype(np.uint8)
         return np.where(seen, row % 251 + col % 13, np.nan).astype(np.float32)
 
 

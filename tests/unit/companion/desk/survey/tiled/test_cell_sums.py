@@ -91,8 +91,10 @@ def test_blocks_without_room_are_asked_for_anew() -> None:
     x = np.arange(4) * 128.0 + 1
     blocks, slots = np.zeros((2, 2), np.int64), np.full(8, -1, np.int64)
     cell, height, block = np.empty(4, np.uint16), np.empty(4, np.int32), np.empty(4, np.int32)
+    mark = np.zeros(4, np.uint8)
     found = place(
-        x, x, x, np.ones(4, bool), 2.0, 2.0, 1e4, 2e8, blocks, slots, 0, cell, height, block
+        x, x, x, np.ones(4, bool), 2.0, 2.0, 1e4, 2e8, blocks, slots, 0,
+        mark, cell, height, block, mark.copy(),
     )  # fmt: skip
     assert found == (-1, 2)
     assert blocks.tolist() == [[0, 0], [1, 1]]
