@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 F64 = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
+FAINTEST = 1e-4
+"""Brightness below which an echo is lost at any range."""
+
 
 @dataclass(frozen=True, slots=True)
 class Noise:
@@ -55,18 +58,31 @@ class Reach:
         detected: Flags = in_range & (uniform >= noise.dropout)
         return detected
 
+    def faint(self, bright: F64) -> F64:
+        """Return the brightness for `detected` of echoes of which less than 10 % returns.
+
+        Two ranges of a data sheet give the exponent between them, where the receiver's dynamics count. Below,
+        the range is that at which the power, bright / range^2, is the one of 10 %.
+        """
+        exponent = np.log(self.at_80_percent_m / self.at_10_percent_m) / np.log(0.8 / 0.1)
+        return np.where(bright < 0.1, 0.1 * (np.maximum(bright, 0.0) / 0.1) ** (0.5 / exponent), bright)
+
 
 @dataclass(frozen=True, slots=True)
 class Echoes:
     """Measurements of pulses.
 
-    range_m: (n,) of the reported return. behind_m: (n,) of a second return. Zero is no return; `behind_m`
-    equals `range_m` unless dust is in front of an object. ghost, dust: (n,) false returns; marked: (n,)
-    whether the sensor would recognise them.
+    range_m: (n,) of the return of a sensor that reports one: the strongest. behind_m: (n,) of the last
+    return. other_m: (n,) of the second return beside the last one. Zero is no return; the three are equal
+    where there is one echo. behind_bright, other_bright: (n,) reflectance times cosine of incidence. ghost,
+    dust: (n,) false returns; marked: (n,) whether the sensor would recognise them.
     """
 
     range_m: F64
     behind_m: F64
+    other_m: F64
+    behind_bright: F64
+    other_bright: F64
     ghost: Flags
     dust: Flags
     marked: Flags
@@ -78,7 +94,7 @@ def range_error(range_m: F64, normal: F64, noise: Noise) -> F64:
     return sigma * normal
 
 
-def false_returns(measured: F64, seen: Flags, uniform: F64, noise: Noise) -> Echoes:
+def false_returns(measured: F64, seen: Flags, bright: F64, uniform: F64, noise: Noise) -> Echoes:
     """Add multi-path ghosts (too far) and dust or rain (a few metres ahead, too near).
 
     `uniform` are random numbers (n, 4); the last three columns are used.
@@ -89,7 +105,8 @@ def false_returns(measured: F64, seen: Flags, uniform: F64, noise: Noise) -> Ech
     dust = uniform[:, 1] > 1.0 - noise.dust
     nearer = 0.3 + 8.0 * uniform[:, 3] ** 2
     dust &= ~seen | (nearer < measured)
-    return Echoes(np.where(dust, nearer, measured), measured, ghost, dust, marked)
+    nearest = np.where(dust, nearer, measured)
+    return Echoes(nearest, measured.copy(), nearest.copy(), bright.copy(), bright.copy(), ghost, dust, marked)
 
 
 def tilt(unit: F64, normal: F64, sigma_deg: float) -> F64:

@@ -39,6 +39,8 @@ class Ouster(PulseLidar):
         others find nothing. None traces all.
     """
 
+    WAVELENGTH_NM = 865
+
     def __init__(
         self,
         rng: np.random.Generator,

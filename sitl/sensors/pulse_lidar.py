@@ -12,8 +12,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 from numpy.typing import NDArray
 
+from sitl.sensors.layer_echoes import PARTS, BeamEchoes, Reported, beam_echoes, merge, report, touched
 from sitl.sensors.lidar_mount import Mount
-from sitl.sensors.optics import Echoes, Noise, Reach, false_returns, range_error, tilt
+from sitl.sensors.optics import FAINTEST, Echoes, Flags, Noise, Reach, false_returns, range_error, tilt
 from sitl.sensors.sensor_clock import Clock
 from sitl.world.primitives import REFLECTANCE
 from sitl.world.world import World
@@ -56,6 +57,23 @@ class Shots:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Rays:
+    """Traced pulses: (m, 3) origins and unit directions ENU; mask of the traced among all, None for all."""
+
+    origin: F64
+    direction: F64
+    traced: Flags | None
+
+    def spread(self, values: F64, count: int, missing: float) -> F64:
+        """Return values of the traced pulses as values of all `count` pulses."""
+        if self.traced is None:
+            return values
+        spread = np.full(count, missing)
+        spread[self.traced] = values
+        return spread
+
+
 class PulseLidar(ABC):
     """LiDAR on a moving vehicle.
 
@@ -75,7 +93,17 @@ class PulseLidar(ABC):
         Range limits.
     pulses_per_packet
         Number of pulses in a packet.
+
+    Attributes
+    ----------
+    WAVELENGTH_NM
+        Of the laser; see ``water_optics``.
+    SEPARATION_M
+        Least distance of two returns of one pulse.
     """
+
+    WAVELENGTH_NM = 905
+    SEPARATION_M = 1.0
 
     def __init__(
         self,
@@ -93,6 +121,7 @@ class PulseLidar(ABC):
         self.pulses_per_packet = pulses_per_packet
         # One stream per distribution, so that it is read in the same order however time is divided.
         self._normal, self._uniform = rng.spawn(2)
+        self._leaf, self._glint = rng.spawn(2)
         self._next = 0
         self._pending: Shots | None = None
         self._until_ns: int | None = None
@@ -177,21 +206,28 @@ class PulseLidar(ABC):
     def fire(self, index: I64, pose_at: PoseAt, world: World) -> Shots:
         """Fire pulses into the world."""
         nominal = self.directions(index)
-        position, attitude = pose_at(self.clock.simulated_ns(self.fired_ns(index)))
+        stamps_ns = self.clock.simulated_ns(self.fired_ns(index))
+        position, attitude = pose_at(stamps_ns)
         normal = self._normal.standard_normal((index.size, 4))
         uniform = self._uniform.random((index.size, 4))
-        true_range, bright = self._trace(index, nominal, normal, position, attitude, world)
-        seen = self.reach.detected(true_range, bright, normal[:, 3], uniform[:, 0], self.noise)
-        measured = np.where(seen, true_range + range_error(true_range, normal[:, 2], self.noise), 0.0)
-        return Shots(index, nominal, false_returns(measured, seen, uniform, self.noise), bright)
+        rays = self._rays(index, nominal, normal, position, attitude)
+        if not world.has_layers:
+            true_range, bright = self._first_hits(rays, index.size, world)
+            seen = self.reach.detected(true_range, bright, normal[:, 3], uniform[:, 0], self.noise)
+            measured = self._measured(true_range, seen, normal)
+            echoes = false_returns(measured, seen, bright, uniform, self.noise)
+            return Shots(index, nominal, echoes, bright)
+        return self._through_layers(
+            index, nominal, rays, np.asarray(stamps_ns * 1e-9, np.float64), normal, uniform, world
+        )
 
-    def _trace(
-        self, index: I64, nominal: F64, normal: F64, position: F64, attitude: F64, world: World
-    ) -> tuple[F64, F64]:
-        """Return true range (NaN without a hit) and brightness of the hits."""
+    def _measured(self, true_range: F64, seen: Flags, normal: F64) -> F64:
+        return np.where(seen, true_range + range_error(true_range, normal[:, 2], self.noise), 0.0)
+
+    def _rays(self, index: I64, nominal: F64, normal: F64, position: F64, attitude: F64) -> Rays:
+        """Return the rays of the traced pulses, with the error of their direction."""
         traced = self.is_traced(index)
         if traced is not None:
-            true_range, bright = np.full(index.size, np.nan), np.zeros(index.size)
             index, nominal, normal = index[traced], nominal[traced], normal[traced]
             position, attitude = position[traced], attitude[traced]
         fired = tilt(nominal, normal[:, :2], self.noise.angle_sigma_deg)
@@ -199,12 +235,72 @@ class PulseLidar(ABC):
         offset = self.origins_m(index)
         if offset is not None:
             origin = origin + self.mount.to_enu(offset, attitude)
-        found_m, kind, cosine = world.trace(origin, self.mount.to_enu(fired, attitude), self.reach.most_m)
-        found_bright: F64 = REFLECTANCE[kind] * cosine
-        if traced is None:
-            return found_m, found_bright
-        true_range[traced], bright[traced] = found_m, found_bright
-        return true_range, bright
+        return Rays(origin, self.mount.to_enu(fired, attitude), traced)
+
+    def _first_hits(self, rays: Rays, count: int, world: World) -> tuple[F64, F64]:
+        """Return true range (NaN without a hit) and brightness of the first surface of each pulse."""
+        found_m, kind, cosine = world.trace(rays.origin, rays.direction, self.reach.most_m)
+        return rays.spread(found_m, count, np.nan), rays.spread(REFLECTANCE[kind] * cosine, count, 0.0)
+
+    def _through_layers(
+        self,
+        index: I64,
+        nominal: F64,
+        rays: Rays,
+        time_s: F64,
+        normal: F64,
+        uniform: F64,
+        world: World,
+    ) -> Shots:
+        """Return the shots where beams may enter water, plants or snow; the others are as in `fire`."""
+        count = index.size
+        depths = -np.log1p(-self._leaf.random((count, PARTS)))
+        shape = world.water.facets
+        glint = self._glint.standard_gamma(shape, count) / shape
+        traced = slice(None) if rays.traced is None else rays.traced
+        c = world.cross(rays.origin, rays.direction, self.reach.most_m, depths[traced])
+        true_range = rays.spread(c.range_m, count, np.nan)
+        bright = rays.spread(REFLECTANCE[c.kind] * c.cosine, count, 0.0)
+        seen = self.reach.detected(true_range, bright, normal[:, 3], uniform[:, 0], self.noise)
+        own = touched(c)
+        at = (np.arange(count) if rays.traced is None else np.flatnonzero(rays.traced))[own]
+        echoes = beam_echoes(
+            c.of(own),
+            rays.origin[own],
+            rays.direction[own],
+            time_s[at],
+            world.water,
+            self.WAVELENGTH_NM,
+            glint[at],
+        )
+        found = self._reported(merge(echoes), normal[at, 3], uniform[at, 0])
+        seen[at], true_range[at], bright[at] = (
+            found.strongest_m > 0.0,
+            found.strongest_m,
+            found.strongest_bright,
+        )
+        measured = self._measured(true_range, seen, normal)
+        both = false_returns(measured, seen, bright, uniform, self.noise)
+        self._add_second(both, found, at, normal[at, 2])
+        return Shots(index, nominal, both, bright)
+
+    def _reported(self, echoes: BeamEchoes, normal: F64, uniform: F64) -> Reported:
+        """Return what is reported of echoes: those bright enough, one pulse's all lost or none."""
+        faint = self.reach.faint(echoes.bright)
+        lit = [
+            self.reach.detected(echoes.range_m[:, k], faint[:, k], normal, uniform, self.noise)
+            for k in range(faint.shape[1])
+        ]
+        return report(echoes, np.column_stack(lit) & (echoes.bright >= FAINTEST), self.SEPARATION_M)
+
+    def _add_second(self, echoes: Echoes, found: Reported, at: I64, normal: F64) -> None:
+        """Write the second returns of pulses; a ghost has none, and dust takes the place of the other."""
+        two = (found.last_m != found.other_m) & ~echoes.ghost[at]
+        last_m = found.last_m + range_error(found.last_m, normal, self.noise)
+        other_m = found.other_m + range_error(found.other_m, normal, self.noise)
+        echoes.behind_m[at[two]], echoes.behind_bright[at[two]] = last_m[two], found.last_bright[two]
+        two &= ~echoes.dust[at]
+        echoes.other_m[at[two]], echoes.other_bright[at[two]] = other_m[two], found.other_bright[two]
 
     def _pulses_before(self, time_ns: int) -> int:
         """Return the number of pulses fired before a simulated time."""

@@ -45,7 +45,7 @@ class Vlp16(PulseLidar):
         Pulses per second that are traced into the world, in whole firing sequences; the sensor fires 289 352,
         and the others find nothing. None traces all.
     mode
-        Strongest return, or both: dust and the surface behind it.
+        Strongest return, or both: the last, and the strongest or second strongest.
     """
 
     def __init__(
@@ -95,15 +95,23 @@ class Vlp16(PulseLidar):
     def encode(self, shots: Shots) -> bytes:
         shape = (self._blocks, CHANNELS)
         ranges, behind = shots.echoes.range_m.reshape(shape), shots.echoes.behind_m.reshape(shape)
-        # The manual's scale: diffuse reflectors of 0 to 100 % give 0 to 100.
-        reflectivity = np.clip(np.rint(100.0 * shots.bright), 1, 100).astype(np.uint8).reshape(shape)
+        reflectivity = _reflectivity(shots.bright).reshape(shape)
         azimuth = self.azimuth_deg(shots.index[::CHANNELS])
         if self.mode is ReturnMode.DUAL:
-            # A surface behind dust is both last and strongest, so the dust as second strongest takes the
-            # other place.
+            # Where the last is the strongest, the second strongest takes the other place: dust, or leaves.
             last = np.where(behind > 0, behind, ranges)
-            ranges = np.stack([last, ranges], axis=1).reshape(BLOCKS, CHANNELS)
-            reflectivity = np.repeat(reflectivity, 2, axis=0)
+            other = shots.echoes.other_m.reshape(shape)
+            ranges = np.stack([last, other], axis=1).reshape(BLOCKS, CHANNELS)
+            pair = [
+                _reflectivity(b).reshape(shape)
+                for b in (shots.echoes.behind_bright, shots.echoes.other_bright)
+            ]
+            reflectivity = np.stack(pair, axis=1).reshape(BLOCKS, CHANNELS)
             azimuth = np.repeat(azimuth, 2)
         stamp_ns = self.clock.offset_ns + int(self.fired_ns(shots.index[:1])[0])
         return encode_packet(stamp_ns, azimuth, ranges, reflectivity, self.mode)
+
+
+def _reflectivity(bright: F64) -> NDArray[np.uint8]:
+    """Return the manual's scale: diffuse reflectors of 0 to 100 % give 0 to 100."""
+    return np.clip(np.rint(100.0 * bright), 1, 100).astype(np.uint8)

@@ -38,6 +38,17 @@ class Kind(IntEnum):
     WATER = 12
     SAND = 13
     SNOW = 14
+    WET_ASPHALT = 15
+    """Asphalt under a film of water."""
+    PUDDLE = 16
+    """Standing water of a few centimetres."""
+    MAIZE = 17
+    WHEAT = 18
+    REED = 19
+    MEADOW = 20
+    """Grass of a hand's height."""
+    GRAVEL = 21
+    BITUMEN = 22
 
 
 # Diffuse reflectance near 905 nm: typical textbook values; green plants are bright in the near infrared.
@@ -57,6 +68,16 @@ _REFLECTANCE = {
     Kind.WATER: 0.0,
     Kind.SAND: 0.40,
     Kind.SNOW: 0.80,
+    # Water in the pores traps light: wet asphalt has a third of its reflectance when dry (J. Lekner and M. C.
+    # Dorf, Applied Optics 27, 1988).
+    Kind.WET_ASPHALT: 0.05,
+    Kind.PUDDLE: 0.0,
+    Kind.MAIZE: 0.45,
+    Kind.WHEAT: 0.40,
+    Kind.REED: 0.40,
+    Kind.MEADOW: 0.50,
+    Kind.GRAVEL: 0.30,
+    Kind.BITUMEN: 0.08,
 }
 REFLECTANCE: NDArray[np.float64] = np.array([_REFLECTANCE[kind] for kind in Kind])
 REFLECTANCE.setflags(write=False)

@@ -16,7 +16,7 @@ import numpy as np
 
 from sitl.array_types import Array1D, Array2D
 from sitl.compilation import kernel, kernel_for_any_types
-from sitl.world.tables import F64, INF, WATER_KIND, GridTable, GroundTable, MoverTable, SolidTable
+from sitl.world.tables import F64, INF, GridTable, GroundTable, MoverTable, SolidTable
 
 
 @kernel_for_any_types
@@ -357,8 +357,6 @@ def cast_rays(
             kind = movers[2][index]
             nx, ny, nz = solid_normal(movers[0][index], movers[1], index, x, y, z)
         out_kind[n] = kind
-        if kind == WATER_KIND:
-            continue
         out_range[n] = t
         length = math.sqrt(nx * nx + ny * ny + nz * nz)
         if length > 0.0:

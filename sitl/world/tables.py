@@ -12,7 +12,6 @@ from sitl.array_types import Array1D, Array2D
 F64 = NDArray[np.float64]
 
 INF = math.inf
-WATER_KIND = 12
 
 GroundTable = tuple[Array2D[np.float64], Array2D[np.uint8], Array1D[np.float64]]
 """(posts z (ny, nx), kind (ny-1, nx-1), [x0, y0, post_m])."""
@@ -24,3 +23,5 @@ GridTable = tuple[
 """([cell_m, z_floor, z_top], ground top (cy, cx), any top (cy, cx), start (cells + 1,), item (k,))."""
 MoverTable = tuple[Array1D[np.uint8], Array2D[np.float64], Array1D[np.uint8], Array2D[np.float64]]
 """SolidTable of moving solids, and their bounding spheres (n, 4)."""
+LayerTable = tuple[Array2D[np.float64], Array2D[np.uint8], Array2D[np.float64], Array1D[np.float64]]
+"""(water level (ny-1, nx-1), plant (ny-1, nx-1), plants (k, 6) as in ``Plants.row``, [top])."""

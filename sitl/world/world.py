@@ -4,21 +4,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sitl.world.layer_cast import cast_layers, top_layers
 from sitl.world.primitives import ROW_LENGTH, Box, Ground, Kind, Solid
 from sitl.world.raycast import cast_rays
-from sitl.world.tables import GridTable, GroundTable, MoverTable, SolidTable
+from sitl.world.surface_layers import SurfaceLayers
+from sitl.world.tables import GridTable, GroundTable, LayerTable, MoverTable, SolidTable
 from sitl.world.topview import top_surface
+from sitl.world.water_waves import WaterState
 
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
 
 _MARGIN_M = 1e-6
+PUDDLE_M = 0.05
+"""Standing water up to this depth is a puddle, which a vehicle can stand in."""
 
 CAR = (
     Box(0.0, 0.0, 0.0, 4.5, 1.8, 0.85, kind=Kind.CAR, name="body"),
@@ -54,6 +59,30 @@ class Mover:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Crossings:
+    """Surfaces that rays meet, in front and behind; arrays of one length.
+
+    range_m, kind, cosine: of the first opaque surface, range NaN for none. water_m: range of the surface of
+    standing water in front of it, NaN for none; an opaque ``Kind.WATER`` counts, its depth is inf. depth_m,
+    bottom: depth of the water there, and material below it. leaf_m: (n, parts) range of the leaf that each
+    part of the beam meets, NaN where it passes. plant: kind of the leaf.
+    """
+
+    range_m: F64
+    kind: U8
+    cosine: F64
+    water_m: F64
+    depth_m: F64
+    bottom: U8
+    leaf_m: F64
+    plant: U8
+
+    def of(self, rays: NDArray[np.bool_]) -> Crossings:
+        """Return the crossings of some of the rays."""
+        return Crossings(*(getattr(self, f.name)[rays] for f in fields(self)))
+
+
 class World:
     """Ground, fixed solids and movers, with exact ray casting and exact heights.
 
@@ -68,6 +97,10 @@ class World:
         Fixed objects. Each must be within the extent of the ground.
     cell_m
         Size of the grid cells that list the solids.
+    layers
+        Standing water, plants and snow over the ground; None for none.
+    water
+        Wind and waves on all water.
 
     Raises
     ------
@@ -75,11 +108,21 @@ class World:
         If a solid is partly outside the ground, or the cell is smaller than the distance of the posts.
     """
 
-    def __init__(self, ground: Ground, solids: Sequence[Solid] = (), cell_m: float = 4.0) -> None:
+    def __init__(
+        self,
+        ground: Ground,
+        solids: Sequence[Solid] = (),
+        cell_m: float = 4.0,
+        *,
+        layers: SurfaceLayers | None = None,
+        water: WaterState | None = None,
+    ) -> None:
         if cell_m < ground.post_m:
             raise ValueError(f"world: cell_m {cell_m} is smaller than post_m {ground.post_m}")
         self.ground = ground
         self.solids = tuple(solids)
+        self.layers = layers
+        self.water = water or WaterState()
         self._movers: dict[str, Mover] = {}
         self._ground_table: GroundTable = (
             np.ascontiguousarray(ground.z_m, dtype=np.float64),
@@ -89,6 +132,14 @@ class World:
         self._solid_table: SolidTable = _solid_table(self.solids)
         self._grid_table: GridTable = _grid_table(ground, self.solids, cell_m)
         self._mover_table: MoverTable = _mover_table(())
+        self._layer_table: LayerTable | None = None if layers is None else layers.table(ground)
+        special = np.isin(ground.kind, (Kind.WATER, Kind.WET_ASPHALT)).any()
+        self._has_layers = layers is not None or bool(special)
+
+    @property
+    def has_layers(self) -> bool:
+        """Whether a beam may meet water, a wet surface, plants or snow: see `cross`."""
+        return self._has_layers
 
     @property
     def extent_m(self) -> tuple[float, float, float, float]:
@@ -152,7 +203,8 @@ class World:
         Returns
         -------
         z, kind
-            Same shape; NaN and ``Kind.NOTHING`` outside the world.
+            Same shape; NaN and ``Kind.NOTHING`` outside the world. Over plants these are their top and kind,
+            over water its level and ``Kind.WATER``, or ``Kind.PUDDLE`` up to `PUDDLE_M` deep.
         """
         return self._surface(xs, ys, self._mover_table)
 
@@ -176,32 +228,60 @@ class World:
         return range_m, kind
 
     def trace(self, origins_enu_m: F64, directions_enu: F64, max_range_m: float) -> tuple[F64, U8, F64]:
-        """Cast rays like ``cast`` and also return the cosine of each angle of incidence."""
+        """Cast rays like ``cast`` and also return the cosine of each angle of incidence.
+
+        Layers are opaque here: a ray ends at the tops of plants.
+        """
+        whole = np.zeros((len(origins_enu_m), 1))
+        c = self.cross(origins_enu_m, directions_enu, max_range_m, whole)
+        wet, leaf = np.isfinite(c.water_m), np.isfinite(c.leaf_m[:, 0])
+        range_m = np.where(leaf, c.leaf_m[:, 0], np.where(wet, np.nan, c.range_m))
+        kind = np.where(leaf, c.plant, np.where(wet, np.uint8(Kind.WATER), c.kind))
+        slant = np.abs(np.asarray(directions_enu, dtype=np.float64)[:, 2])
+        return range_m, kind, np.where(leaf, slant, np.where(wet, 0.0, c.cosine))
+
+    def cross(
+        self, origins_enu_m: F64, directions_enu: F64, max_range_m: float, leaf_depths: F64
+    ) -> Crossings:
+        """Cast rays through water, plants and snow.
+
+        Parameters
+        ----------
+        origins_enu_m, directions_enu, max_range_m
+            As in ``cast``.
+        leaf_depths
+            (n, parts) optical depths at which each part of a beam meets a leaf: draws from the exponential
+            distribution.
+        """
         origins = np.ascontiguousarray(origins_enu_m, dtype=np.float64)
         directions = np.ascontiguousarray(directions_enu, dtype=np.float64)
         if origins.ndim != 2 or origins.shape[1] != 3 or origins.shape != directions.shape:
             raise ValueError(f"cast: need two (n, 3) arrays, got {origins.shape} and {directions.shape}")
         count = len(origins)
         range_m, cosine, kind = np.empty(count), np.empty(count), np.empty(count, dtype=np.uint8)
-        cast_rays(
-            self._ground_table,
-            self._solid_table,
-            self._grid_table,
-            self._mover_table,
-            origins,
-            directions,
-            float(max_range_m),
-            range_m,
-            kind,
-            cosine,
-        )
-        return range_m, kind, cosine
+        rays, limit = (origins, directions), float(max_range_m)
+        tables = (self._ground_table, self._solid_table, self._grid_table, self._mover_table)
+        cast_rays(*tables, *rays, limit, range_m, kind, cosine)
+        water_m, depth_m = np.full(count, np.nan), np.zeros(count)
+        bottom, plant = np.zeros(count, np.uint8), np.zeros(count, np.uint8)
+        leaf_m = np.full(leaf_depths.shape, np.nan)
+        if self._layer_table is not None:
+            layers = (self._ground_table, self._layer_table)
+            depths = np.ascontiguousarray(leaf_depths, dtype=np.float64)
+            cast_layers(*layers, *rays, range_m, limit, depths, water_m, depth_m, bottom, leaf_m, plant)
+        opaque = (kind == Kind.WATER) & np.isnan(water_m)
+        water_m[opaque], depth_m[opaque] = range_m[opaque], np.inf
+        return Crossings(range_m, kind, cosine, water_m, depth_m, bottom, leaf_m, plant)
 
     def _surface(self, xs: F64, ys: F64, movers: MoverTable) -> tuple[F64, U8]:
         x, y = np.broadcast_arrays(np.asarray(xs, dtype=np.float64), np.asarray(ys, dtype=np.float64))
         z, kind = np.empty(x.size), np.empty(x.size, dtype=np.uint8)
         tables = (self._ground_table, self._solid_table, self._grid_table, movers)
-        top_surface(*tables, np.ascontiguousarray(x.ravel()), np.ascontiguousarray(y.ravel()), z, kind)
+        places = (np.ascontiguousarray(x.ravel()), np.ascontiguousarray(y.ravel()))
+        top_surface(*tables, *places, z, kind)
+        if self._layer_table is not None:
+            layers = (self._ground_table, self._layer_table)
+            top_layers(*layers, *places, int(Kind.WATER), int(Kind.PUDDLE), PUDDLE_M, z, kind)
         return z.reshape(x.shape), kind.reshape(x.shape)
 
     def _standing_m(self, name: str, x: float, y: float) -> float:

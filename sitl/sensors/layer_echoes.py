@@ -1,0 +1,159 @@
+"""Echoes of a beam from water, wet surfaces, plants and snow, and what a receiver reports of them.
+
+The beam is `PARTS` equal parts, each of which meets a leaf of its own or passes. So one pulse has up to
+`PARTS` + 2 echoes: leaves, water, and the ground or the bottom below. Those closer than the length of the
+pulse add up and have one range, weighted by their power.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sitl.sensors import water_optics
+from sitl.world.primitives import REFLECTANCE, Kind
+from sitl.world.water_waves import WaterState
+from sitl.world.world import Crossings
+
+F64 = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+PARTS = 3
+PULSE_M = 0.3
+"""Half the length of a pulse of 4 ns, there and back: nearer echoes overlap by more than half."""
+
+
+@dataclass(frozen=True, slots=True)
+class BeamEchoes:
+    """Possible echoes of pulses, (n, k): range, NaN for none, and brightness."""
+
+    range_m: F64
+    bright: F64
+
+
+def touched(crossings: Crossings) -> Flags:
+    """Return the mask of pulses that meet water, a wet surface, plants or snow."""
+    wet = np.isfinite(crossings.water_m) | (crossings.kind == Kind.WET_ASPHALT)
+    return np.asarray(wet | np.isfinite(crossings.leaf_m).any(axis=1))
+
+
+def beam_echoes(
+    crossings: Crossings,
+    origins: F64,
+    directions: F64,
+    time_s: F64,
+    water: WaterState,
+    wavelength_nm: int,
+    glint: F64,
+) -> BeamEchoes:
+    """Return the possible echoes of pulses.
+
+    Parameters
+    ----------
+    crossings
+        What the pulses meet, with `PARTS` leaves.
+    origins, directions, time_s
+        (n, 3) ENU and (n,): places, unit directions and times of the pulses.
+    water
+        Wind and waves.
+    wavelength_nm
+        See ``water_optics.ABSORPTION_PER_M``.
+    glint
+        (n,) random factor of mean one of the mirror-like part.
+    """
+    c = crossings
+    slant = np.clip(-directions[:, 2], 1e-3, 1.0)
+    leaf = np.isfinite(c.leaf_m)
+    leaf_bright = np.where(leaf, REFLECTANCE[c.plant][:, np.newaxis] / PARTS, 0.0)
+    through = 1.0 - leaf.sum(axis=1) / PARTS
+    wet = np.isfinite(c.water_m)
+    surface_m, surface_bright = _water(c, origins, directions, time_s, water, slant, glint)
+    film = c.kind == Kind.WET_ASPHALT
+    gloss = glint * water_optics.surface_brightness(c.cosine, water_optics.FILM_SQUARE_SLOPE)
+    ground = REFLECTANCE[c.kind] * c.cosine + np.where(film, gloss, 0.0)
+    absorption = water_optics.ABSORPTION_PER_M[wavelength_nm]
+    bottom = water_optics.bottom_brightness(slant, c.depth_m, REFLECTANCE[c.bottom], absorption)
+    last_m = np.where(wet, water_optics.bottom_range(c.water_m, slant, np.minimum(c.depth_m, 1e3)), c.range_m)
+    last_bright = np.where(wet, bottom, ground)
+    rest = through[:, np.newaxis] * np.column_stack([surface_bright, last_bright])
+    return BeamEchoes(
+        np.column_stack([c.leaf_m, surface_m, last_m]), np.nan_to_num(np.column_stack([leaf_bright, rest]))
+    )
+
+
+def _water(
+    c: Crossings, origins: F64, directions: F64, time_s: F64, water: WaterState, slant: F64, glint: F64
+) -> tuple[F64, F64]:
+    """Return range and brightness of the water surface; puddles have no waves."""
+    wet = np.isfinite(c.water_m)
+    at = origins[wet] + c.water_m[wet, np.newaxis] * directions[wet]
+    high = water.height_m(at[:, 0], at[:, 1], time_s[wet])
+    # Waves are no higher than the water is deep.
+    high = np.clip(high, -0.4 * c.depth_m[wet], 0.4 * c.depth_m[wet])
+    surface_m = c.water_m.copy()
+    surface_m[wet] -= high / slant[wet]
+    bright = glint * water_optics.surface_brightness(slant, water.square_slope)
+    murky = water.turbid * slant * (1.0 - np.exp(-np.minimum(c.depth_m, 1e3) / 0.1))
+    return surface_m, np.where(wet, bright + murky, 0.0)
+
+
+def merge(echoes: BeamEchoes) -> BeamEchoes:
+    """Add up echoes that overlap; each has the range and brightness of all within `PULSE_M` of it."""
+    lit = np.isfinite(echoes.range_m) & (echoes.bright > 0.0)
+    range_m = np.where(lit, echoes.range_m, np.inf)
+    bright = np.where(lit, echoes.bright, 0.0)
+    with np.errstate(invalid="ignore"):
+        near = np.abs(range_m[:, :, np.newaxis] - range_m[:, np.newaxis, :]) <= PULSE_M
+    power = near * bright[:, np.newaxis, :]
+    total = power.sum(axis=2)
+    moment = (power * np.where(lit, echoes.range_m, 0.0)[:, np.newaxis, :]).sum(axis=2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return BeamEchoes(np.where(lit, moment / total, np.nan), np.where(lit, total, 0.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Reported:
+    """Returns of pulses, (n,); range 0 for none.
+
+    strongest, last: equal if one echo is both. other: of two, the one that is not the last; equal to the last
+    if there is one echo.
+    """
+
+    strongest_m: F64
+    strongest_bright: F64
+    last_m: F64
+    last_bright: F64
+    other_m: F64
+    other_bright: F64
+
+
+def report(echoes: BeamEchoes, seen: Flags, separation_m: float) -> Reported:
+    """Return what a receiver reports of merged echoes.
+
+    Parameters
+    ----------
+    echoes
+        Merged echoes.
+    seen
+        (n, k) mask of those bright enough.
+    separation_m
+        Least distance of two returns of one pulse.
+    """
+    row = np.arange(len(seen))
+    any_seen = seen.any(axis=1)
+    bright = np.where(seen, echoes.bright, -1.0)
+    best = bright.argmax(axis=1)
+    best_m = np.where(any_seen, echoes.range_m[row, best], np.nan)
+    with np.errstate(invalid="ignore"):
+        apart = seen & (np.abs(echoes.range_m - best_m[:, np.newaxis]) >= separation_m)
+    far = np.where(apart, echoes.range_m, -np.inf)
+    last = np.where(far.max(axis=1) > best_m, far.argmax(axis=1), best)
+    second = np.where(apart.any(axis=1), np.where(apart, echoes.bright, -1.0).argmax(axis=1), best)
+    other = np.where(last == best, second, best)
+
+    def pick(k: NDArray[np.int64]) -> tuple[F64, F64]:
+        return np.where(any_seen, echoes.range_m[row, k], 0.0), np.where(any_seen, echoes.bright[row, k], 0.0)
+
+    return Reported(*pick(best), *pick(last), *pick(other))
