@@ -15,7 +15,7 @@ from sitl.attached import attach
 from sitl.intruder import HIGHEST_M, Intruder
 from sitl.lockstep import LockstepServer
 from sitl.pace import Pace
-from sitl.sensors import lidars, ouster_os1, ouster_packets
+from sitl.sensors import lidars
 from sitl.sensors.lidar_port import Address
 from sitl.signals import Ended, Signals
 from sitl.simulation import DEFAULT_ORIGIN, Simulation
@@ -64,7 +64,7 @@ def _run(arguments: list[str], signals: Signals) -> int:
     try:
         options = _parse(arguments)
         _try_folder(options.truth)
-        _write_metadata(options.lidar_metadata)
+        _write_metadata(options)
         program = _whole_vehicle(options) if options.autopilot is None else _lidar_alone(options)
     except (ValueError, WireError) as error:
         print(f"slz sim: {error}", file=sys.stderr)
@@ -133,8 +133,9 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         "--lidar",
         default="mid360",
         choices=(*lidars.DEFAULTS, "none"),
-        help="Livox Mid-360, Velodyne VLP-16, Ouster OS1-32, LightWare SF45/B on a serial line, the paper's "
-        "OPAL (sent as a Livox), flash or radar; all but mid360 and radar need --set lidar_pitch_deg=90",
+        help="Livox Mid-360, Velodyne VLP-16, Ouster OS1-32 and OS0-64, LightWare SF45/B on a serial line, "
+        "the paper's OPAL (sent as a Livox), flash or radar; all but mid360 and radar need "
+        "--set lidar_pitch_deg=90",
     )
     parser.add_argument(
         "--lidar-to",
@@ -147,6 +148,9 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     )
     parser.add_argument(
         "--lidar-metadata", type=Path, default=None, metavar="FILE.json", help="write the Ouster's metadata"
+    )
+    parser.add_argument(
+        "--dual", action="store_true", help="two returns of a pulse, by " + ", ".join(sorted(lidars.DUAL))
     )
     parser.add_argument("--point-rate", type=float, default=200_000.0, help="LiDAR points per second")
     parser.add_argument(
@@ -201,8 +205,10 @@ def _check(options: argparse.Namespace) -> None:
             raise _UsageError(
                 f"--{name.replace('_', '-')} {value:g}: must be a number from {low:g} to {high:.10g}"
             )
-    if options.lidar_metadata is not None and options.lidar != "ouster":
-        raise _UsageError("--lidar-metadata: only --lidar ouster has metadata")
+    if options.lidar_metadata is not None and options.lidar not in lidars.OUSTERS:
+        raise _UsageError("--lidar-metadata: only --lidar ouster has metadata, and os0")
+    if options.dual and options.lidar not in lidars.DUAL:
+        raise _UsageError(f"--dual: only --lidar {', '.join(sorted(lidars.DUAL))} can send two returns")
     _check_rate(options.point_rate, options.lidar)
 
 
@@ -228,6 +234,7 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         lidar="mid360" if options.lidar == "none" else options.lidar,
         lidar_to=_lidar_to(options),
         point_rate_hz=round(options.point_rate),
+        lidar_dual=options.dual,
         wind_ms=options.wind,
         pilot_height_m=options.takeoff_alt if options.pilot == "takeoff" else None,
         mavlink_key=None if options.mavlink_key is None else read_key(options.mavlink_key),
@@ -295,12 +302,13 @@ def _try_folder(folder: Path | None) -> None:
         raise _UsageError(f"--truth {folder}: {error.strerror or error}") from None
 
 
-def _write_metadata(path: Path | None) -> None:
+def _write_metadata(options: argparse.Namespace) -> None:
     """Write the Ouster's metadata, which its driver needs."""
+    path = options.lidar_metadata
     if path is None:
         return
     try:
-        path.write_text(ouster_packets.metadata(ouster_os1.ELEVATION_DEG, ouster_os1.COLUMNS))
+        path.write_text(lidars.OUSTERS[options.lidar].metadata(options.dual))
     except OSError as error:
         raise _UsageError(f"--lidar-metadata {path}: {error.strerror or error}") from None
 

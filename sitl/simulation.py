@@ -34,7 +34,8 @@ class Simulation:
     """World, vehicle, autopilot, LiDAR and wires under one clock.
 
     `advance` first answers all arrived messages, then steps one tick. `every_tick` holds functions called
-    after each tick. The LiDAR's packets are sent together every `lidar_ms`.
+    after each tick. The LiDAR's packets are sent together every `lidar_ms`, with two returns of a pulse
+    if `lidar_dual`.
 
     Attributes
     ----------
@@ -63,6 +64,7 @@ class Simulation:
         ready_after_s: float = 5.0,
         mavlink_key: bytes | None = None,
         lidar_ms: int = 10,
+        lidar_dual: bool = False,
         radar_to: Address | None = None,
         tick_ns: int = TICK_NS,
     ) -> None:
@@ -77,7 +79,9 @@ class Simulation:
         self.autopilot.late_ns = lambda: round(self.late_s(self.now_ns) * 1e9)
         self.autopilot.truth_source = lambda: self.vehicle.truth
         self.router = Router(wires, streams[3], self._deliver, mavlink_key)
-        self.lidar = lidars.open_port(lidar, streams[2], point_rate_hz, lidar_to) if lidar_to else None
+        self.lidar = (
+            lidars.open_port(lidar, streams[2], point_rate_hz, lidar_to, lidar_dual) if lidar_to else None
+        )
         self.lidar_on = True
         self.late_s: Callable[[int], float] = lambda now_ns: 0.0
         self.skipped_ns = 0

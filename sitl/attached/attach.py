@@ -43,6 +43,7 @@ def build(options: argparse.Namespace, origin: Place | None, lidar_to: Address |
             lidar="mid360" if options.lidar == "none" else options.lidar,
             lidar_to=lidar_to,
             point_rate_hz=round(options.point_rate),
+            lidar_dual=options.dual,
             origin_lla=origin,
             say=_say,
         )

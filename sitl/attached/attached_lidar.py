@@ -44,6 +44,8 @@ class AttachedLidar:
         The scene; the wire to the autopilot.
     lidar, lidar_to
         One of `lidars.DEFAULTS`; destination of its data, None to send none.
+    lidar_dual
+        Whether two returns of a pulse are sent.
     origin_lla
         Origin of the scene; None places the scene's home under the vehicle, or under its autopilot's home.
     say
@@ -66,6 +68,7 @@ class AttachedLidar:
         lidar: str = "mid360",
         lidar_to: Address | None = None,
         point_rate_hz: int = 200_000,
+        lidar_dual: bool = False,
         origin_lla: Place | None = None,
         say: Callable[[str], None] = lambda line: None,
     ) -> None:
@@ -75,7 +78,7 @@ class AttachedLidar:
         self.origin_lla = origin_lla
         self.log = AttachedLog(scene)
         rng = np.random.default_rng(seed)
-        self.lidar = lidars.open_port(lidar, rng, point_rate_hz, lidar_to) if lidar_to else None
+        self.lidar = lidars.open_port(lidar, rng, point_rate_hz, lidar_to, lidar_dual) if lidar_to else None
         self.skipped_ns = 0
         self.poses = 0
         self._say = say

@@ -8,9 +8,10 @@ from sitl.sensors.flash.flash_sensor import FlashSensor
 from sitl.sensors.lidar_port import PTY, Address, LidarPort, Sensor, SerialPort, UdpPort
 from sitl.sensors.mid360 import Mid360
 from sitl.sensors.opal import Opal
-from sitl.sensors.ouster_os1 import Ouster
+from sitl.sensors.ouster_os1 import OS0, OS1, Ouster
 from sitl.sensors.radar.radar_sensor import RadarSensor
 from sitl.sensors.sf45 import Sf45
+from sitl.sensors.velodyne_packets import ReturnMode
 from sitl.sensors.vlp16 import Vlp16
 
 DEFAULTS = {
@@ -18,6 +19,7 @@ DEFAULTS = {
     "vlp16": "127.0.0.1:2368",
     "opal": "127.0.0.1:56301",
     "ouster": "127.0.0.1:7502",
+    "os0": "127.0.0.1:7502",
     "flash": "127.0.0.1:7610",
     "radar": "127.0.0.1:7611",
     "sf45": PTY,
@@ -25,6 +27,10 @@ DEFAULTS = {
 """Name and data destination of each: the port that the real one uses, or a pseudo-terminal."""
 PERIODIC = frozenset({"mid360", "opal"})
 """LiDARs whose pulse period is a whole number of ns; the others take any rate, or have their own."""
+
+OUSTERS = {"ouster": OS1, "os0": OS0}
+DUAL = frozenset({"vlp16", *OUSTERS})
+"""LiDARs that can send two returns of a pulse."""
 
 
 def rates_beside(rate_hz: int) -> tuple[int, int]:
@@ -34,7 +40,9 @@ def rates_beside(rate_hz: int) -> tuple[int, int]:
     return below, above
 
 
-def open_port(name: str, rng: np.random.Generator, point_rate_hz: int, to: Address) -> LidarPort:
+def open_port(
+    name: str, rng: np.random.Generator, point_rate_hz: int, to: Address, dual: bool = False
+) -> LidarPort:
     """Return a downward-looking LiDAR by its name, with its output opened.
 
     Parameters
@@ -45,29 +53,35 @@ def open_port(name: str, rng: np.random.Generator, point_rate_hz: int, to: Addre
         Simulated pulses per second; an SF45 uses the rate requested from it.
     to
         Destination of the kind that the sensor needs.
+    dual
+        Whether two returns of a pulse are sent, by those of `DUAL`.
 
     Raises
     ------
     ValueError
-        The name is unknown, the rate impossible, or the destination of the wrong kind.
+        The name is unknown, the rate impossible, the destination of the wrong kind, or a second return not
+        among what the sensor sends.
     """
+    if dual and name not in DUAL:
+        raise ValueError(f"LiDAR {name} sends one return: {', '.join(sorted(DUAL))} can send two")
     if isinstance(to, str) != (name == "sf45"):
         raise ValueError(f"LiDAR {name} sends to {'a serial device' if name == 'sf45' else 'HOST:PORT'}")
     if isinstance(to, str):
         return SerialPort(Sf45(rng), to)
-    return UdpPort(_build(name, rng, point_rate_hz), to)
+    return UdpPort(_build(name, rng, point_rate_hz, dual), to)
 
 
-def _build(name: str, rng: np.random.Generator, point_rate_hz: int) -> Sensor:
+def _build(name: str, rng: np.random.Generator, point_rate_hz: int, dual: bool) -> Sensor:
     match name:
         case "mid360":
             return Mid360(rng, point_rate_hz=point_rate_hz)
         case "opal":
             return Opal(rng, point_rate_hz=point_rate_hz)
         case "vlp16":
-            return Vlp16(rng, point_rate_hz=point_rate_hz)
-        case "ouster":
-            return Ouster(rng, point_rate_hz=point_rate_hz)
+            mode = ReturnMode.DUAL if dual else ReturnMode.STRONGEST
+            return Vlp16(rng, point_rate_hz=point_rate_hz, mode=mode)
+        case "ouster" | "os0":
+            return Ouster(rng, point_rate_hz=point_rate_hz, model=OUSTERS[name], dual=dual)
         case "flash":
             return FlashSensor(rng)
         case "radar":

@@ -1,10 +1,13 @@
-"""Ouster OS1 with 32 rows: all beams of a column fire at once, returned as the sensor's own packets.
+"""Ouster OS1 and OS0: all beams of a column fire at once, returned as the sensor's own packets.
 
 Data sheet (OS1, second generation): 32 rows from +22.5 to -22.5 degrees, 512 columns at 10 Hz; 45 m at 10 %
-and 100 m at 80 % reflectivity, precision 1.5 cm.
+and 100 m at 80 % reflectivity, precision 1.5 cm. Data sheet (OS0, seventh revision): up to 128 rows from +45
+to -45 degrees, 35 m at 10 % and 75 m at 80 %; here with 64 rows. Both at 865 nm, with one or two returns.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,24 +22,52 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 ROWS, COLUMNS, FRAME_NS = 32, 512, 100_000_000
-RATE_HZ = ROWS * COLUMNS * 10
-ELEVATION_DEG: F64 = np.linspace(22.5, -22.5, ROWS)
 REACH = Reach(blind_m=0.3, most_m=120.0, at_10_percent_m=45.0, at_80_percent_m=100.0)
 NOISE = Noise(range_sigma_m=0.015, angle_sigma_deg=0.02)
+
+
+@dataclass(frozen=True, slots=True)
+class OusterModel:
+    """Model of the family: its name in the metadata, rows, half its view and its reach."""
+
+    product: str
+    rows: int
+    half_view_deg: float
+    reach: Reach
+
+    @property
+    def elevation_deg(self) -> F64:
+        """Elevation of the rows, the highest first."""
+        return np.linspace(self.half_view_deg, -self.half_view_deg, self.rows)
+
+    def metadata(self, dual: bool = False) -> str:
+        """Return the metadata as from the sensor's HTTP API, JSON."""
+        return metadata(self.elevation_deg, COLUMNS, self.product, dual)
+
+
+OS1 = OusterModel("OS-1", ROWS, 22.5, REACH)
+ELEVATION_DEG = OS1.elevation_deg
+OS0 = OusterModel(
+    "OS-0", 64, 45.0, Reach(blind_m=0.5, most_m=100.0, at_10_percent_m=35.0, at_80_percent_m=75.0)
+)
 SIDEWAYS = Mount(pitch_deg=90.0)
 """Axis forward, connector up: the head sweeps the ground from side to side."""
 
 
 class Ouster(PulseLidar):
-    """OS1-32 on a moving vehicle.
+    """OS1-32 or OS0-64 on a moving vehicle.
 
     Parameters
     ----------
     rng, mount, clock, noise
         See ``PulseLidar``; by default mounted with its axis forward, so that it looks down and to both sides.
     point_rate_hz
-        Pulses per second that are traced into the world, in whole columns; the sensor fires 163 840, and the
-        others find nothing. None traces all.
+        Pulses per second that are traced into the world, in whole columns; an OS1 fires 163 840, an OS0
+        327 680, and the others find nothing. None traces all.
+    model
+        `OS1` or `OS0`.
+    dual
+        Whether two returns are sent, the strongest and the second strongest, instead of one.
     """
 
     WAVELENGTH_NM = 865
@@ -47,33 +78,40 @@ class Ouster(PulseLidar):
         mount: Mount | None = None,
         *,
         point_rate_hz: int | None = None,
+        model: OusterModel = OS1,
+        dual: bool = False,
         clock: Clock | None = None,
         noise: Noise | None = None,
     ) -> None:
-        super().__init__(rng, mount or SIDEWAYS, clock, noise or NOISE, REACH, PACKET_COLUMNS * ROWS)
-        self._every = 1 if point_rate_hz is None else max(1, round(RATE_HZ / point_rate_hz))
-        self._layout = packet_type(ROWS)
+        self.model, self.dual, self._rows = model, dual, model.rows
+        super().__init__(
+            rng, mount or SIDEWAYS, clock, noise or NOISE, model.reach, PACKET_COLUMNS * model.rows
+        )
+        rate_hz = model.rows * COLUMNS * 10
+        self._every = 1 if point_rate_hz is None else max(1, round(rate_hz / point_rate_hz))
+        self._elevation = np.radians(model.elevation_deg)
+        self._layout = packet_type(model.rows, dual)
 
     @property
     def metadata(self) -> str:
         """Metadata as from the sensor's HTTP API, JSON."""
-        return metadata(ELEVATION_DEG, COLUMNS)
+        return self.model.metadata(self.dual)
 
     @property
     def group(self) -> int:
-        return PACKET_COLUMNS * ROWS
+        return PACKET_COLUMNS * self._rows
 
     def fired_ns(self, index: I64) -> I64:
-        return index // ROWS * FRAME_NS // COLUMNS
+        return index // self._rows * FRAME_NS // COLUMNS
 
     def pulses_about(self, elapsed_ns: int) -> tuple[int, int]:
         column = elapsed_ns * COLUMNS // FRAME_NS
-        return (column - 1) * ROWS, (column + 2) * ROWS
+        return (column - 1) * self._rows, (column + 2) * self._rows
 
     def directions(self, index: I64) -> F64:
         """Return unit vectors: column 0 points back over the connector, and the head turns clockwise."""
-        azimuth = np.pi - (2.0 * np.pi / COLUMNS) * (index // ROWS % COLUMNS)
-        elevation = np.radians(ELEVATION_DEG[index % ROWS])
+        azimuth = np.pi - (2.0 * np.pi / COLUMNS) * (index // self._rows % COLUMNS)
+        elevation = self._elevation[index % self._rows]
         flat = np.cos(elevation)
         return np.column_stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
 
@@ -81,14 +119,25 @@ class Ouster(PulseLidar):
         return np.tile([0.0, 0.0, UP_MM * 1e-3], (len(index), 1))
 
     def is_traced(self, index: I64) -> NDArray[np.bool_] | None:
-        return None if self._every == 1 else index // ROWS % self._every == 0
+        return None if self._every == 1 else index // self._rows % self._every == 0
 
     def encode(self, shots: Shots) -> bytes:
-        shape = (PACKET_COLUMNS, ROWS)
-        column = shots.index[::ROWS] // ROWS
-        ranges = shots.echoes.range_m.reshape(shape)
-        reflectivity = np.clip(np.rint(100.0 * shots.bright), 1, 255).astype(np.uint8).reshape(shape)
-        frame, first = divmod(int(column[0]), COLUMNS)
-        stamps_ns = self.clock.offset_ns + self.fired_ns(shots.index[::ROWS])
-        lit = np.where(ranges > 0, reflectivity, 0).astype(np.uint8)
-        return encode_packet(self._layout, frame, first, stamps_ns, ranges, lit)
+        shape, firsts = (PACKET_COLUMNS, self._rows), shots.index[:: self._rows]
+        frame, first = divmod(int(firsts[0]) // self._rows, COLUMNS)
+        stamps_ns = self.clock.offset_ns + self.fired_ns(firsts)
+        e = shots.echoes
+        pairs = [(e.range_m, shots.bright)]
+        if self.dual:
+            # Of two returns the strongest is the last one or the one before it.
+            second_is_last = e.range_m == e.other_m
+            second_m = np.where(second_is_last, e.behind_m, e.other_m)
+            second = np.where(second_is_last, e.behind_bright, e.other_bright)
+            pairs.append((np.where(second_m == e.range_m, 0.0, second_m), second))
+        returns = [(m.reshape(shape), _reflectivity(m, bright).reshape(shape)) for m, bright in pairs]
+        return encode_packet(self._layout, frame, first, stamps_ns, returns)
+
+
+def _reflectivity(range_m: F64, bright: F64) -> NDArray[np.uint8]:
+    """Return reflectivities in per cent, 0 without a return."""
+    value = np.clip(np.rint(100.0 * bright), 1, 255).astype(np.uint8)
+    return np.where(range_m > 0, value, 0).astype(np.uint8)

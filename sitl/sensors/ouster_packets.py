@@ -1,7 +1,8 @@
 """Encoder of Ouster lidar data packets, and of the metadata that describes them (firmware manual, v2.5).
 
-Profile RNG19_RFL8_SIG16_NIR16. Everything is little-endian. A packet is a header of 32 bytes, 16 columns of
-one header of 12 bytes and `rows` pixels of 12 bytes, and a footer of 32 bytes, zero:
+Profile RNG19_RFL8_SIG16_NIR16, and RNG19_RFL8_SIG16_NIR16_DUAL with two returns. Everything is little-endian.
+A packet is a header of 32 bytes, 16 columns of one header of 12 bytes and `rows` pixels of 12 bytes, and a
+footer of 32 bytes, zero:
 
 ==============  ======  ====  ===========================================================
 field           offset  size  meaning
@@ -18,11 +19,15 @@ reflectivity         4     1  of a pixel
 signal               6     2  of a pixel: photons
 near_ir              8     2  of a pixel: photons
 ==============  ======  ====  ===========================================================
+
+A pixel with two returns has 16 bytes: range (19 bits) and reflectivity (byte 3) of the strongest return, the
+same of the second strongest (from byte 4), both signals (bytes 8 and 10) and near_ir (byte 12).
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +40,7 @@ PACKET_COLUMNS = 16
 MOST_MM = (1 << 19) - 1
 UP_MM = 36.18
 PROFILE = "RNG19_RFL8_SIG16_NIR16"
+PROFILE_DUAL = PROFILE + "_DUAL"
 SERIAL, INIT_ID = 992_247_000_001, 7
 PIXEL = np.dtype(
     {
@@ -44,11 +50,21 @@ PIXEL = np.dtype(
         "itemsize": 12,
     }
 )
+PIXEL_DUAL = np.dtype(
+    {
+        # Ranges and reflectivities overlap: 19 bits and the highest byte of one word.
+        "names": ["range", "reflectivity", "range2", "reflectivity2", "signal", "signal2", "near_ir"],
+        "formats": ["<u4", "u1", "<u4", "u1", "<u2", "<u2", "<u2"],
+        "offsets": [0, 3, 4, 7, 8, 10, 12],
+        "itemsize": 16,
+    }
+)
 
 
-def packet_type(rows: int) -> np.dtype[np.void]:
+def packet_type(rows: int, dual: bool = False) -> np.dtype[np.void]:
     """Return the layout of a packet of a sensor with `rows` rows."""
-    column = [("timestamp", "<u8"), ("measurement_id", "<u2"), ("status", "<u2"), ("pixels", PIXEL, rows)]
+    pixel = PIXEL_DUAL if dual else PIXEL
+    column = [("timestamp", "<u8"), ("measurement_id", "<u2"), ("status", "<u2"), ("pixels", pixel, rows)]
     return np.dtype(
         [
             ("packet_type", "<u2"),
@@ -63,7 +79,11 @@ def packet_type(rows: int) -> np.dtype[np.void]:
 
 
 def encode_packet(
-    layout: np.dtype[np.void], frame: int, first_column: int, stamps_ns: I64, range_m: F64, reflectivity: U8
+    layout: np.dtype[np.void],
+    frame: int,
+    first_column: int,
+    stamps_ns: I64,
+    returns: Sequence[tuple[F64, U8]],
 ) -> bytes:
     """Encode one packet.
 
@@ -75,8 +95,9 @@ def encode_packet(
         Number of the frame, and of the first column in it.
     stamps_ns
         (16,) of the columns.
-    range_m, reflectivity
-        (16, rows), the highest row first; a range of zero is no return.
+    returns
+        One or two (range in m, reflectivity), the strongest first, each (16, rows) with the highest row
+        first; a range of zero is no return.
     """
     packet = np.zeros((), layout)
     packet["packet_type"], packet["frame_id"] = 1, frame % 65_536
@@ -86,24 +107,25 @@ def encode_packet(
     columns["timestamp"] = stamps_ns
     columns["measurement_id"] = first_column + np.arange(PACKET_COLUMNS)
     columns["status"] = 1
-    mm = np.maximum(np.rint(range_m * 1000.0), 0)
-    columns["pixels"]["range"] = np.where(mm > MOST_MM, 0, mm)
-    columns["pixels"]["reflectivity"] = reflectivity
-    columns["pixels"]["signal"] = 10 * reflectivity.astype(np.uint16)
+    for (range_m, reflectivity), suffix in zip(returns, ("", "2"), strict=False):
+        mm = np.maximum(np.rint(range_m * 1000.0), 0)
+        columns["pixels"][f"range{suffix}"] = np.where(mm > MOST_MM, 0, mm)
+        columns["pixels"][f"reflectivity{suffix}"] = reflectivity
+        columns["pixels"][f"signal{suffix}"] = 10 * reflectivity.astype(np.uint16)
     return packet.tobytes()
 
 
-def metadata(elevation_deg: F64, columns: int) -> str:
+def metadata(elevation_deg: F64, columns: int, product: str = "OS-1", dual: bool = False) -> str:
     """Return the metadata as from the sensor's HTTP API, JSON.
 
     Its beams start on the axis of rotation (a real OS1's 12 to 16 mm from it), `UP_MM` above the base.
     """
-    rows = len(elevation_deg)
+    rows, profile = len(elevation_deg), PROFILE_DUAL if dual else PROFILE
     identity = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
     return json.dumps(
         {
             "sensor_info": {
-                "prod_line": f"OS-1-{rows}",
+                "prod_line": f"{product}-{rows}",
                 "prod_sn": str(SERIAL),
                 "prod_pn": "",
                 "image_rev": "",
@@ -112,14 +134,14 @@ def metadata(elevation_deg: F64, columns: int) -> str:
                 "status": "RUNNING",
                 "initialization_id": INIT_ID,
             },
-            "config_params": {"udp_profile_lidar": PROFILE, "lidar_mode": f"{columns}x10"},
+            "config_params": {"udp_profile_lidar": profile, "lidar_mode": f"{columns}x10"},
             "lidar_data_format": {
                 "columns_per_frame": columns,
                 "columns_per_packet": PACKET_COLUMNS,
                 "pixels_per_column": rows,
                 "pixel_shift_by_row": [0] * rows,
                 "column_window": [0, columns - 1],
-                "udp_profile_lidar": PROFILE,
+                "udp_profile_lidar": profile,
                 "udp_profile_imu": "LEGACY",
                 "fps": 10,
             },

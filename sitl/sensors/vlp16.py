@@ -45,7 +45,7 @@ class Vlp16(PulseLidar):
         Pulses per second that are traced into the world, in whole firing sequences; the sensor fires 289 352,
         and the others find nothing. None traces all.
     mode
-        Strongest return, or both: the last, and the strongest or second strongest.
+        Strongest return, last return, or both: the last, and the strongest or second strongest.
     """
 
     def __init__(
@@ -96,6 +96,8 @@ class Vlp16(PulseLidar):
         shape = (self._blocks, CHANNELS)
         ranges, behind = shots.echoes.range_m.reshape(shape), shots.echoes.behind_m.reshape(shape)
         reflectivity = _reflectivity(shots.bright).reshape(shape)
+        if self.mode is ReturnMode.LAST:
+            ranges, reflectivity = behind, _reflectivity(shots.echoes.behind_bright).reshape(shape)
         azimuth = self.azimuth_deg(shots.index[::CHANNELS])
         if self.mode is ReturnMode.DUAL:
             # Where the last is the strongest, the second strongest takes the other place: dust, or leaves.
