@@ -5,12 +5,20 @@ from __future__ import annotations
 from sitl.scenes import (
     borrow_pit,
     buildings,
+    car_park,
     dense,
     dust_out,
+    flat_roofs,
+    flooded_field,
     hill,
+    lakes,
     landing_site,
+    maize,
     mountains,
     plain,
+    ponds,
+    river,
+    snowfield,
     stadium,
     streets,
 )
@@ -29,6 +37,15 @@ _BUILDERS = {
     "borrow_pit": borrow_pit.build,
     "landing_site": landing_site.build,
     "dust_out": dust_out.build,
+    "lakes": lakes.build,
+    "ponds": ponds.build,
+    "river": river.build,
+    "flooded_field": flooded_field.build,
+    "car_park_wet": car_park.build_wet,
+    "car_park_dry": car_park.build_dry,
+    "flat_roofs": flat_roofs.build,
+    "maize": maize.build,
+    "snowfield": snowfield.build,
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from sitl.world.primitives import Ground, Kind
+from sitl.world.primitives import Ground, Kind, Solid
+from sitl.world.surface_layers import Plants, SurfaceLayers
+from sitl.world.water_waves import WaterState
+from sitl.world.world import World
 
 F64 = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -19,6 +24,8 @@ MICRO_RELIEF_M: dict[Kind, float] = {
     Kind.ROCK: 0.06,
     Kind.SAND: 0.010,
     Kind.SNOW: 0.010,
+    Kind.WET_ASPHALT: 0.003,
+    Kind.GRAVEL: 0.015,
 }
 """Standard deviation of single posts; peaks are about three times as high."""
 LAWN_RELIEF_M = 0.004
@@ -45,6 +52,9 @@ class Terrain:
         self.z: F64 = np.zeros((count, count))
         self.relief_m: F64 = np.full((count, count), MICRO_RELIEF_M[Kind.GRASS])
         self.kind = np.full((count, count), Kind.GRASS, dtype=np.uint8)
+        self._water_z: F64 = np.full((count, count), np.nan)
+        self._plant = np.zeros((count, count), np.uint8)
+        self._plants: list[Plants] = []
 
     def rectangle(self, x0: float, y0: float, x1: float, y1: float) -> Mask:
         """Return the mask of posts in a rectangle."""
@@ -84,6 +94,16 @@ class Terrain:
         self.level(where, height_m, bank_m)
         self.cover(where, Kind.WATER, 0.0)
 
+    def stand_water(self, where: Mask, level_m: float) -> None:
+        """Let water stand at a level wherever the ground of a part is lower; its bottom is the ground."""
+        self._water_z[where] = level_m
+
+    def grow(self, where: Mask, plants: Plants) -> None:
+        """Cover a part of the ground with plants or snow."""
+        if plants not in self._plants:
+            self._plants.append(plants)
+        self._plant[where] = self._plants.index(plants) + 1
+
     def at(self, x: float, y: float) -> float:
         """Return the height of the post nearest to (x, y), without micro relief."""
         i = round((x - self.x[0, 0]) / self.post_m)
@@ -99,3 +119,19 @@ class Terrain:
         square = np.where(self.kind[:-1, :-1] == Kind.WATER, np.uint8(Kind.SOIL), self.kind[:-1, :-1])
         square[wet] = Kind.WATER
         return Ground(float(self.x[0, 0]), float(self.y[0, 0]), self.post_m, z, square)
+
+    def world(
+        self, solids: Sequence[Solid] = (), cell_m: float = 4.0, water: WaterState | None = None
+    ) -> World:
+        """Return the world of the finished ground with its water and plants."""
+        ground = self.ground()
+        if not self._plants and np.isnan(self._water_z).all():
+            return World(ground, solids, cell_m, water=water)
+        z, level = ground.z_m, self._water_z
+        corners = np.stack([level[:-1, :-1], level[1:, :-1], level[:-1, 1:], level[1:, 1:]])
+        lowest = np.min([z[:-1, :-1], z[1:, :-1], z[:-1, 1:], z[1:, 1:]], axis=0)
+        highest = np.where(np.isnan(corners), -np.inf, corners).max(axis=0)
+        layers = SurfaceLayers(
+            np.where(highest > lowest, highest, np.nan), self._plant[:-1, :-1].copy(), tuple(self._plants)
+        )
+        return World(ground, solids, cell_m, layers=layers, water=water)

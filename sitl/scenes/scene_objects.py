@@ -69,12 +69,23 @@ def fence(name: str, start: tuple[float, float], end: tuple[float, float], z: fl
 
 
 def flat_roof(
-    name: str, x: float, y: float, z: float, size_m: tuple[float, float, float], parapet_m: float
+    name: str,
+    x: float,
+    y: float,
+    z: float,
+    size_m: tuple[float, float, float],
+    parapet_m: float,
+    kind: Kind = Kind.ROOF,
 ) -> list[Solid]:
-    """Return a building with a flat roof (length, width, height) and a parapet 0.3 m thick around it."""
+    """Return a building with a flat roof (length, width, height) and a parapet 0.3 m thick around it.
+
+    A parapet of 0 is none.
+    """
     length, width, height = size_m
     top, thick = z + height, 0.3
-    body = Box(x, y, z - FOOT_M, length, width, height + FOOT_M, kind=Kind.ROOF, name=f"{name}-body")
+    body = Box(x, y, z - FOOT_M, length, width, height + FOOT_M, kind=kind, name=f"{name}-body")
+    if parapet_m == 0.0:
+        return [body]
     along, across = (length, thick), (thick, width)
     edges = [
         (x, y - width / 2 + thick / 2, along, "south"),

@@ -29,6 +29,8 @@ Extent = tuple[float, float, float, float]
 
 MAX_SAMPLE_M = 0.1
 _TILE = 192
+NO_STAND = (Kind.WATER, Kind.MAIZE, Kind.WHEAT, Kind.REED)
+"""Kinds of surface without anything to stand on."""
 
 
 class TruthMap(NamedTuple):
@@ -56,8 +58,9 @@ def safe_map(
 
     A cell is safe if, over the square footprint about its centre, the best-fit plane is not steeper than the
     limit, the exact surface spans no more than the limit, peak to peak, about that plane (so that a step
-    counts with its full height wherever it crosses the footprint), and there is no water and no edge of the
-    world. The surface is sampled at 0.1 m or less; objects thinner than the sampling count with their full
+    counts with its full height wherever it crosses the footprint), and there is no water, no crop and no edge
+    of the world. Water up to 5 cm deep is a puddle, which one can land in, and grass of 0.15 m a meadow. The
+    surface is sampled at 0.1 m or less; objects thinner than the sampling count with their full
     height wherever they touch a sample's square.
 
     Parameters
@@ -87,7 +90,7 @@ def safe_map(
     xs = x0 + (np.arange(columns * per_cell + 2 * pad, dtype=np.float64) - pad + 0.5) * pitch
     ys = y0 + (np.arange(rows * per_cell + 2 * pad, dtype=np.float64) - pad + 0.5) * pitch
     z, kind = sample_top(world, xs, ys, pitch)
-    bad = ~np.isfinite(z) | (kind == Kind.WATER)
+    bad = ~np.isfinite(z) | np.isin(kind, NO_STAND)
     skip = (per_cell + 2 * pad - len(offsets)) // 2
     slope, relief, spoilt = _footprints(
         z[skip:, skip:], bad[skip:, skip:], offsets, per_cell, (rows, columns)
