@@ -89,6 +89,27 @@ def test_wind_spreads_the_glitter_and_calm_makes_it_fail() -> None:
     assert windy[4] > 2 * breeze[4]
 
 
+@pytest.mark.parametrize("water", [BREEZE, WINDY])
+def test_glints_vary_as_the_number_of_facets_says(water: WaterState) -> None:
+    shots, _, incidence = fired(layered(depth_m=3.0, water=water), 6.0, ms=2000)
+    near = incidence < 5.0
+    tan = np.tan(np.radians(incidence[near]))
+    slope = water.square_slope
+    glint = shots.bright[near] / (0.0198 / (4 * slope) * (1 + tan**2) ** 2.5 * np.exp(-(tan**2) / slope))
+    assert len(glint) > 1000
+    assert glint.mean() == pytest.approx(1.0, rel=0.06)
+    assert glint.std() == pytest.approx(1 / np.sqrt(0.5 + 0.35 * water.wind_ms), rel=0.1)
+    assert BREEZE.facets < WINDY.facets
+
+
+def test_murky_water_returns_light_aside_at_short_range() -> None:
+    clear, murky = (
+        share_of_returns(layered(depth_m=3.0, water=WaterState(2.0, turbid=t)), 12.0) for t in (0.0, 0.02)
+    )
+    assert clear[5] == 0.0
+    assert murky[5] > 0.9
+
+
 def test_returns_come_from_the_level_of_the_water_within_its_waves() -> None:
     for water, most in ((CALM, 1e-9), (WaterState(8.0, 2000.0), 0.25)):
         world = layered(depth_m=3.0, water=water)
