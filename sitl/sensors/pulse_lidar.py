@@ -1,6 +1,7 @@
 """Base class of LiDARs that fire single pulses into a moving world.
 
-Not modelled: the size of the beam (mixed pixels at edges), the vehicle's own legs in the view.
+A beam has a width in plants and snow only, see ``layer_echoes``. Not modelled: mixed pixels at edges, the
+vehicle's own legs in the view.
 """
 
 from __future__ import annotations
