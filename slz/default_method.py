@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ class KeptPoints:
     """Points that no outlier rule drops.
 
     points: (n, 3). alone: (n,), those that are not for the near map. isolated: (m, 3), judged together with
-    those of other windows. source: (n,) indices in the window, None where it has no attributes.
+    those of other windows. source: (n,) indices in the window, None where it tells nothing more of them.
     """
 
     points: Points
@@ -162,7 +162,7 @@ class DefaultMethod:
         p = self._p
         points = np.ascontiguousarray(window.points_enu_m)
         height_m, usable_as_they_are = are_usable(points, sensor_enu_m, p.max_range_m**2, MOST_HEIGHT_M)
-        source = None if window.attributes is None else np.arange(len(points))
+        source = None if window.origin is None else np.arange(len(points))
         if not usable_as_they_are:
             if source is not None:
                 source = source[_usable(points, sensor_enu_m, p.max_range_m**2)]
@@ -197,16 +197,8 @@ class DefaultMethod:
         kept: KeptPoints,
     ) -> list[Edges]:
         """Add points to the surface map; return the edges of the places where it refuses other cells."""
-        attributes, source, datum_m = window.attributes, kept.source, np.array([0.0, 0.0, near.tiles.datum_m])
-        signal = NO_SIGNAL
-        if attributes is not None and source is not None:
-            signal = Signal(
-                attributes.intensity[source],
-                attributes.echoes[source],
-                attributes.lost_enu_m - datum_m,
-                attributes.lost_origin_enu_m - datum_m,
-                attributes.lost_weight,
-            )
+        datum_m = np.array([0.0, 0.0, near.tiles.datum_m])
+        signal = _signal(window, kept.source, datum_m)
         now_s = near.tiles.now_s(stamp_s)
         grid = near.terrain.grid
         edges = grid.west_m, grid.south_m, grid.east_m, grid.north_m
@@ -239,6 +231,24 @@ class DefaultMethod:
         if is_known(sensor):
             others = np.flatnonzero(~(used | alone))
             used[others] = terrain.tiles.contradicted_by(points[others], sensor, terrain.noise, least_m)
+
+
+def _signal(window: Window, source: NDArray[np.int64] | None, datum_m: Points) -> Signal:
+    """Return what a window's points tell besides their place; source: (n,) their indices in the window."""
+    if window.origin is None or window.origins_enu_m is None or source is None:
+        return NO_SIGNAL
+    origin, origins = window.origin[source], window.origins_enu_m - datum_m
+    attributes = window.attributes
+    if attributes is None:
+        return replace(NO_SIGNAL, origin=origin, origins_enu_m=origins)
+    return Signal(
+        origin,
+        origins,
+        attributes.echoes[source],
+        attributes.lost_enu_m - datum_m,
+        attributes.lost_origin_enu_m - datum_m,
+        attributes.lost_weight,
+    )
 
 
 def _usable(points: Points, sensor_enu_m: Points, reach2: float) -> Flags:

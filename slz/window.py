@@ -14,6 +14,7 @@ from slz.frame import LocalFrame
 LATE_NS = 2_000_000_000
 MOST_LATE = 100  # scans
 MOST_POINTS = 10_000_000  # bound on a window whose stamps do not advance
+MOST_SCANS = 60_000  # the same, for scans
 MOST_LOST = 1_000_000  # the same, for rays without a return
 LOST_M = 100.0
 
@@ -122,10 +123,16 @@ class Scan:
 
 @dataclass(frozen=True, slots=True)
 class Window(Scan):
-    """Returns of all scans within one time window; same arrays as `Scan`."""
+    """Returns of all scans within one time window; same arrays as `Scan`.
+
+    origin : (n,) uint16, the scan of each return, and origins_enu_m : (k, 3), the sensor's position in each
+    scan. None where only the last position is known: the angles of the rays are unknown then.
+    """
 
     start_ns: int
     end_ns: int
+    origin: NDArray[np.uint16] | None = field(default=None, kw_only=True)
+    origins_enu_m: NDArray[np.float64] | None = field(default=None, kw_only=True)
 
 
 class Windower:
@@ -161,7 +168,7 @@ class Windower:
     def _must_close(self, scan: Scan) -> bool:
         elapsed = int(scan.stamp_ns[0]) - self._first_ns
         over = elapsed >= round(self.window_s * 1e9) or sum(map(len, self._scans)) >= MOST_POINTS
-        over = over or sum(map(_lost, self._scans)) >= MOST_LOST
+        over = over or sum(map(_lost, self._scans)) >= MOST_LOST or len(self._scans) >= MOST_SCANS
         return over or elapsed < -LATE_NS or scan.frame != self._scans[-1].frame
 
     def _is_late(self, scan: Scan) -> bool:
@@ -199,6 +206,8 @@ def join(scans: Iterable[Scan]) -> Window:
         start_ns=int(stamps.min()),
         end_ns=int(stamps.max()),
         attributes=_attributes(scans),
+        origin=np.repeat(np.arange(len(scans), dtype=np.uint16), [len(scan) for scan in scans]),
+        origins_enu_m=np.array([scan.sensor_enu_m for scan in scans], np.float64),
     )
 
 

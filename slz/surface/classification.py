@@ -14,8 +14,10 @@ from slz.surface.survey_classes import SurveyClasses
 from slz.surface.vanishing_returns import vanishing_returns
 
 SCORE_WATER = -4.7  # log odds of water before any evidence
-STEEP = 0.02  # gradient that no water has
-SCORE_STEEP = -2.0
+# Water has no gradient; ground whose plane is clean has the one told.
+GRADIENTS, SCORES_SLOPING = (0.004, 0.01, 0.02), (0.0, -3.5, -5.0)
+WINDOW, SIGMAS = 1.4, 2.5  # standard deviation of places in a plane's window, in cells; standard errors
+CLEAN_M = 0.05  # residual of the plane of such ground, without a bank in it
 FEWEST_RETURNS = 8.0  # in the window of a plane, to tell a kind
 LIKELIEST = np.array(
     [SurfaceKind.WATER, SurfaceKind.ROOF, SurfaceKind.LOW_VEGETATION, SurfaceKind.CANOPY, SurfaceKind.BARE]
@@ -26,8 +28,7 @@ def classify(cells: SurfaceCells, classes: SurveyClasses | None = None) -> Surfa
     """Tell the kinds of surface of a box of cells; classes: what the maker of a survey said, if any."""
     extents, plateaus, plants = level_extents(cells), raised_plateaus(cells), penetration(cells)
     log_odds = SCORE_WATER + extents.evidence() + vanishing_returns(cells, extents)
-    with np.errstate(invalid="ignore"):
-        log_odds += np.where(cells.gradient > STEEP, SCORE_STEEP, 0)
+    log_odds += _sloping(cells)
     there = cells.seen | (extents.labels > 0)
     water = np.where(there, _probability(log_odds), 0)
     for_plants, for_roof = plants.log_odds, plateaus.log_odds
@@ -43,6 +44,16 @@ def classify(cells: SurfaceCells, classes: SurveyClasses | None = None) -> Surfa
     likelihood = np.concatenate([parts, bare[np.newaxis]])
     kind = np.where(likelihood.max(axis=0) > 0.5, LIKELIEST[likelihood.argmax(axis=0)], SurfaceKind.UNKNOWN)
     return SurfaceLayers(np.stack([*parts, plateaus.raised_m, kind]).astype(np.float32))
+
+
+def _sloping(cells: SurfaceCells) -> Floats:
+    """Return the log odds for water from the gradient of the ground, as far as noise does not explain it."""
+    with np.errstate(invalid="ignore"):
+        clean = cells.residual_m < CLEAN_M
+    score = np.zeros(cells.shape, np.float32)
+    error = cells.residual_m[clean] / np.sqrt(cells.n_around[clean]) / (WINDOW * cells.cell_m)
+    score[clean] = np.interp(cells.gradient[clean] - SIGMAS * error, GRADIENTS, SCORES_SLOPING)
+    return score
 
 
 def _probability(log_odds: Floats) -> Floats:

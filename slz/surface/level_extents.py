@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from slz.surface.surface_cells import PLANE_RADIUS, Floats, SurfaceCells, maximum_around
+from slz.kernels.surface.neighbourhood import greatest_around
+from slz.kernels.surface.shores import around_shores, grow
+from slz.surface.surface_cells import PLANE_RADIUS, Floats, SurfaceCells
 
 GRADIENT, RESIDUAL_M = 0.01, 0.06  # of a plane over five cells: level as water, even with ripples
 ROUGHEST_M, SIGMAS = 0.2, 2.5  # of planes over ten cells, with waves; how far a shore cell may be off
@@ -116,16 +118,13 @@ def _with_shore(
     cells: SurfaceCells, labels: NDArray[np.int32], level: NDArray[np.float64], band_m: NDArray[np.float64]
 ) -> NDArray[np.int32]:
     """Return labels grown over the margin that the planes leave, up to cells that rise from the level."""
-    grown, seen = labels, cells.seen
+    grown, seen, mean = labels, cells.seen, np.ascontiguousarray(cells.mean_m)
     for _ in range(PLANE_RADIUS + 1):
-        nearest = maximum_around(grown, 1)
-        with np.errstate(invalid="ignore"):
-            belongs = ~seen | (np.abs(cells.mean_m - level[nearest]) < band_m[nearest])
-        grown = np.where((grown == 0) & belongs, nearest, grown)
+        grown = grow(grown, seen, mean, level, band_m)
+    if seen.all():
+        return grown
     inside = ndimage.binary_closing((grown > 0) & seen, iterations=2)
-    return np.where(
-        seen | inside, grown, 0
-    )  # gaps within belong to the extent, those beyond its shore do not
+    return np.where(seen | inside, grown, 0)  # gaps within belong to it, those beyond its shore do not
 
 
 def _banks(cells: SurfaceCells, grown: NDArray[np.int32], level: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -133,28 +132,20 @@ def _banks(cells: SurfaceCells, grown: NDArray[np.int32], level: NDArray[np.floa
 
     Banks on one side of a small extent are a wall beside a yard; a lake may be cut by the edge of a survey.
     """
-    n, margin = len(level), BANK_CELLS + 1
-    wide = np.pad(grown, margin)
-    filled = ndimage.binary_fill_holes(wide > 0)  # what stands within an extent is no bank of it
-    nearest = maximum_around(wide, BANK_CELLS)
-    row, col = np.nonzero(~filled & (nearest > 0) & np.pad(cells.seen, margin))
-    own = nearest[row, col]
-    above = np.pad(cells.mean_m, margin)[row, col] - level[own]
-    total = np.maximum(np.bincount(own, minlength=n), 1)
-    up, down, even = (
-        np.bincount(own, which, n) / total
-        for which in (above > BANK_M, above < -BANK_M, np.abs(above) <= BANK_M)
+    n = len(level)
+    filled = ndimage.binary_fill_holes(grown > 0)  # what stands within an extent is no bank of it
+    ring = np.where(filled, 0, greatest_around(grown, BANK_CELLS)).astype(np.int32)
+    place = np.nonzero(grown)
+    own = grown[place]
+    size = np.maximum(np.bincount(own, minlength=n), 1)
+    middle = np.column_stack([np.bincount(own, at, n) / size for at in place])
+    sides = np.zeros(n, np.int64)
+    count = around_shores(
+        ring, cells.seen, np.ascontiguousarray(cells.mean_m), level, middle, BANK_M, SECTORS, sides
     )
+    total = count.sum(axis=1)
+    up, down, even = (count / np.maximum(total, 1)[:, None]).T
     score = SCORE_EVEN * np.clip((even - 0.3) / 0.4, 0, 1) + SCORE_SPILL * np.clip((down - 0.03) / 0.15, 0, 1)
-    place = np.nonzero(wide)
-    size = np.maximum(np.bincount(wide[place], minlength=n), 1)
-    middle = [np.bincount(wide[place], at, n) / size for at in place]
-    bearing = np.arctan2(row - middle[0][own], col - middle[1][own]) / (2 * np.pi) % 1.0
-    sector = own * SECTORS + np.minimum((bearing * SECTORS).astype(np.int64), SECTORS - 1)
-    banked = np.bincount(sector, above > BANK_M, n * SECTORS) > 0.5 * np.maximum(
-        np.bincount(sector, minlength=n * SECTORS), 1
-    )
-    sides = banked.reshape(n, SECTORS).sum(axis=1)
     fewest = np.interp(size * cells.cell_m**2, BANKED_M2, BANKED_SIDES)
     score += SCORE_BANKS * np.clip((up - 0.35) / 0.35, 0, 1) * np.clip((sides - fewest) / 2, 0, 1)
     return np.asarray(np.where(total >= FEWEST_RING, score, 0.0))

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from slz.kernels.surface.neighbourhood import box_sums
 from slz.kernels.surface.surface_record import COUNT, DEEP, HIGH, LOW, SEVERAL, TALL, TOLD
-from slz.surface.surface_cells import Floats, SurfaceCells, sum_around
+from slz.surface.surface_cells import Floats, SurfaceCells
 
 AROUND = 2  # cells
 FEWEST = 30.0  # returns of the neighbourhood
@@ -31,19 +32,18 @@ class Penetration:
 
 def penetration(cells: SurfaceCells) -> Penetration:
     """Find the cells whose returns come from several depths, all over their neighbourhood."""
-    f = cells.fields
-    count = np.maximum(f[COUNT], 1)
-    apart = (f[DEEP] + f[TALL]) / count
-    pierced = cells.seen & (f[DEEP] + f[TALL] >= 1) & (apart > 0.01)
-    places = np.maximum(sum_around(cells.seen.astype(np.float32), AROUND), 1)
-    everywhere = sum_around(pierced.astype(np.float32), AROUND) / places
-    spread = np.where(cells.seen, cells.spread_m, 0)
-    rough = sum_around((spread > SPREAD_M).astype(np.float32), AROUND) / places
-    told, several = sum_around(f[TOLD], AROUND), sum_around(f[SEVERAL], AROUND)
-    share = several / np.maximum(told, 1)
-    score = SCORE_PRIOR + SCORE_PIERCED * np.clip((everywhere - 0.2) / 0.4, 0, 1)
-    score += SCORE_SPREAD * np.clip((rough - 0.5) / 0.4, 0, 1)
-    score += np.where(told >= FEWEST, SCORE_SEVERAL * np.clip((share - 0.02) / 0.1, 0, 1), 0)
-    depth = np.where(cells.seen, f[HIGH] - f[LOW], 0)
-    score = np.where(cells.seen & (sum_around(f[COUNT], AROUND) >= FEWEST), score, SCORE_PRIOR)
+    f, seen = cells.fields, cells.seen
+    apart = f[DEEP] + f[TALL]
+    pierced = seen & (apart >= 1) & (apart > 0.01 * f[COUNT])
+    rough = seen & (cells.spread_m > SPREAD_M)
+    layers = np.stack([seen, pierced, rough, f[TOLD], f[SEVERAL], f[COUNT]]).astype(np.float32)
+    places, n_pierced, n_rough, told, several, count = box_sums(layers, AROUND)
+    places = np.maximum(places, 1)
+    score = SCORE_PRIOR + SCORE_PIERCED * np.clip((n_pierced / places - 0.2) / 0.4, 0, 1)
+    score += SCORE_SPREAD * np.clip((n_rough / places - 0.5) / 0.4, 0, 1)
+    if told.any():
+        share = several / np.maximum(told, 1)
+        score += np.where(told >= FEWEST, SCORE_SEVERAL * np.clip((share - 0.02) / 0.1, 0, 1), 0)
+    score = np.where(seen & (count >= FEWEST), score, SCORE_PRIOR)
+    depth = np.where(seen, f[HIGH] - f[LOW], 0)
     return Penetration(np.asarray(score, np.float32), np.asarray(depth, np.float32))

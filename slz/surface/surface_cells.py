@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,6 @@ from slz.kernels.surface.surface_record import (
 
 Floats = NDArray[np.float32]
 Flags = NDArray[np.bool_]
-T = TypeVar("T", bound=np.generic)
 PLANE_RADIUS = 2  # cells
 
 
@@ -97,34 +95,3 @@ class SurfaceCells:
         out[COUNT], out[MEAN] = total, middle
         out[SQUARES] = (parts[SQUARES] + count * off**2).sum(axis=(1, 3))
         return SurfaceCells(out, 2 * self.cell_m)
-
-
-def maximum_around(values: NDArray[T], radius: int) -> NDArray[T]:
-    """Return the greatest value within squares of `radius` cells to every side."""
-    out = values.copy()
-    for axis in (0, 1):
-        held = out.copy()
-        for step in range(1, radius + 1):
-            low, high = _shifted(axis, step)
-            np.maximum(out[low], held[high], out=out[low])
-            np.maximum(out[high], held[low], out=out[high])
-    return out
-
-
-def sum_around(values: Floats, radius: int) -> Floats:
-    """Return the sums over squares of `radius` cells to every side."""
-    total = values.astype(np.float64)
-    for axis in (0, 1):
-        padding = [(0, 0), (0, 0)]
-        padding[axis] = (radius + 1, radius)
-        sums = np.cumsum(np.pad(total, padding), axis=axis)
-        n = total.shape[axis]
-        total = np.take(sums, range(2 * radius + 1, 2 * radius + 1 + n), axis) - np.take(sums, range(n), axis)
-    return np.asarray(total, np.float32)
-
-
-def _shifted(axis: int, step: int) -> tuple[tuple[slice, ...], tuple[slice, ...]]:
-    low: list[slice] = [slice(None), slice(None)]
-    high = low.copy()
-    low[axis], high[axis] = slice(None, -step), slice(step, None)
-    return tuple(low), tuple(high)

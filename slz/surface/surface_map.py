@@ -23,7 +23,7 @@ Key = tuple[int, int]
 Edges = tuple[float, float, float, float]
 Points = NDArray[np.float64]
 CELL_M = 1.0  # least side of a surface cell
-AROUND_M = 32.0  # beyond the returns of a window, within which cells are classified with them
+AROUND_M = 20.0  # beyond the returns of a window, within which cells are classified with them
 PART_M = 1024.0  # side of a square that is classified at a time
 SHARE = 1 / 20  # of the memory for evidence
 TILE_BYTES = SIDE * SIDE * 4 * (SURFACE_FIELDS + N_LAYERS)
@@ -35,12 +35,14 @@ FOOT_M = 10.0  # around the vehicle, in which the ground that lost rays met is s
 class Signal:
     """Evidence of a window's points beyond their place.
 
-    intensity: (n,) float32 in the sensor's units, NaN where unknown, or empty. echoes: (n,) uint8, number of
-    returns of the ray, 0 where unknown, or empty. lost_enu_m, lost_origin_enu_m: (m, 3), a point on each ray
-    without a return and the sensor then, in stored heights; lost_weight: (m,), rays that each stands for.
+    origin, origins_enu_m: (n,) row of each point's sensor position in (k, 3), or empty where unknown.
+    echoes: (n,) uint8, number of returns of the ray, 0 where unknown, or empty. lost_enu_m,
+    lost_origin_enu_m: (m, 3), a point on each ray without a return and the sensor then, in stored heights;
+    lost_weight: (m,), rays that each stands for.
     """
 
-    intensity: NDArray[np.float32]
+    origin: NDArray[np.uint16]
+    origins_enu_m: Points
     echoes: NDArray[np.uint8]
     lost_enu_m: Points
     lost_origin_enu_m: Points
@@ -48,7 +50,8 @@ class Signal:
 
 
 NO_SIGNAL = Signal(
-    np.empty(0, np.float32),
+    np.empty(0, np.uint16),
+    np.empty((0, 3)),
     np.empty(0, np.uint8),
     np.empty((0, 3)),
     np.empty((0, 3)),
@@ -114,8 +117,8 @@ class SurfaceMap:
         tiles_hit(np.ascontiguousarray(near), west, south, self.cell_m, hit)
         table = self._table(corner, hit, now_s)
         add_returns(
-            points, sensor, is_near, signal.intensity, signal.echoes, now_s, self._parameters.max_age_s,
-            west, south, self.cell_m, table, self._pool,
+            points, signal.origin, signal.origins_enu_m, is_near, signal.echoes, now_s,
+            self._parameters.max_age_s, west, south, self.cell_m, table, self._pool,
         )  # fmt: skip
         if len(signal.lost_enu_m) and math.isfinite(sensor[0]):
             foot = near[np.hypot(*(near[:, :2] - sensor[:2]).T) < FOOT_M]

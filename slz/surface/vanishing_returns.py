@@ -9,51 +9,65 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.kernels.surface.surface_record import LOST, OBLIQUE
+from slz.kernels.surface.neighbourhood import box_sums
+from slz.kernels.surface.surface_record import LOST_OBLIQUE, LOST_SLANTED, OBLIQUE, REPORTED, SLANTED
 from slz.surface.level_extents import LevelExtents
-from slz.surface.surface_cells import Flags, Floats, SurfaceCells, sum_around
+from slz.surface.surface_cells import Floats, SurfaceCells
 
-FEWEST_RAYS = 4.0  # oblique rays of a cell that decide
+FEWEST_RAYS = 4.0  # of a cell that decide
+FEWEST_REPORTED = 3.0  # lost rays that are no chance
 AROUND = 2  # cells; where a cell has too few rays of its own
-FEWEST_LOST = 8.0  # of the neighbourhood
+FEWEST_AROUND = 8.0  # rays of the neighbourhood
 EXTENT, FEWEST_ON_EXTENT = 10, 40.0  # cells around, and rays there on the same level extent
-ANSWERED = 0.75  # share of oblique rays with a return, above which a surface is no water
-LEFT = 0.2  # and below which it is
-SCORE_DRY = -6.0
-SCORE_WATER = 4.5
+# Shares of rays answered, and log odds. Water in wind answers slanted rays, so that they never make it dry.
+OBLIQUE_SHARES, OBLIQUE_SCORES = (0.1, 0.2, 0.75, 1.0), (4.5, 2.5, -3.0, -6.0)
+SLANTED_SHARES, SLANTED_SCORES = (0.3, 0.6, 0.85, 0.95), (4.0, 3.0, 0.5, 0.0)
 
 
 def vanishing_returns(cells: SurfaceCells, extents: LevelExtents) -> Floats:
-    """Return the log odds for water of every cell from its oblique rays; 0 where too few met it.
+    """Return the log odds for water of every cell from its oblique and slanted rays; 0 where too few met it.
 
     Where too few met a cell, those of its neighbours tell: that of lost ones makes it suspect, and that of
     answered ones makes it dry as far as both belong to one level extent, which is of one surface.
     """
-    oblique, lost = cells.fields[OBLIQUE], cells.fields[LOST]
-    score = _score(oblique, lost, FEWEST_RAYS)
+    f = cells.fields
+    rays = np.stack([f[OBLIQUE], f[LOST_OBLIQUE], f[SLANTED], f[LOST_SLANTED], f[REPORTED]])
+    oblique, lost, slanted, lost_slanted = _by_chance_left_out(rays)
+    score = _score(oblique, lost, FEWEST_RAYS, OBLIQUE_SHARES, OBLIQUE_SCORES)
     silent = cells.seen & (oblique + lost < FEWEST_RAYS)
     if not silent.any():
         return score
-    if lost.any():
-        near = _score(sum_around(oblique, AROUND), sum_around(lost, AROUND), FEWEST_LOST)
-        score = np.where(silent, np.maximum(near, 0), score)
+    if f[REPORTED].any():
+        own = _score(slanted, lost_slanted, FEWEST_RAYS, SLANTED_SHARES, SLANTED_SCORES)
+        near = _by_chance_left_out(box_sums(rays, AROUND))
+        by_oblique = _score(near[0], near[1], FEWEST_AROUND, OBLIQUE_SHARES, OBLIQUE_SCORES)
+        by_slanted = _score(near[2], near[3], FEWEST_AROUND, SLANTED_SHARES, SLANTED_SCORES)
+        by_slanted = np.where(slanted + lost_slanted >= FEWEST_RAYS, own, by_slanted)
+        suspect = np.maximum(np.maximum(by_slanted, by_oblique), 0)
+        score = np.where(silent, suspect, score)  # dry neighbours do not make a pond dry
     level = extents.labels > 0
     if (silent & level).any() and oblique.any():
-        answered, silent_rays = (
-            sum_around(np.where(level, rays, np.float32(0)), EXTENT) for rays in (oblique, lost)
-        )
-        on_extent = np.minimum(_score(answered, silent_rays, FEWEST_ON_EXTENT), 0)
-        score = np.where(silent & level & (score <= 0), on_extent, score)
+        around, without = box_sums(np.stack([oblique, lost]) * level, EXTENT)
+        on_extent = _score(around, without, FEWEST_ON_EXTENT, OBLIQUE_SHARES, OBLIQUE_SCORES)
+        score = np.where(silent & level & (score <= 0), np.minimum(on_extent, 0), score)
     return np.asarray(score, np.float32)
 
 
-def was_looked_at(cells: SurfaceCells) -> Flags:
-    """Return the cells that enough oblique rays met."""
-    return np.asarray(cells.fields[OBLIQUE] + cells.fields[LOST] >= FEWEST_RAYS)
+def _by_chance_left_out(rays: Floats) -> Floats:
+    """Return (4, rows, cols) of oblique and slanted rays, answered and lost; without lost ones where few are.
+
+    A ray is lost by chance now and then, and its driver's report stands for several.
+    """
+    out = rays[:4].copy()
+    out[1::2, rays[4] < FEWEST_REPORTED] = 0
+    return out
 
 
-def _score(oblique: Floats, lost: Floats, fewest: float) -> Floats:
-    total = oblique + lost
-    share = oblique / np.maximum(total, 1)
-    score = np.interp(share, [LEFT / 2, LEFT, ANSWERED, 1.0], [SCORE_WATER, 2.5, SCORE_DRY / 2, SCORE_DRY])
-    return np.asarray(np.where(total >= fewest, score, 0.0), np.float32)
+def _score(
+    answered: Floats, lost: Floats, fewest: float, shares: tuple[float, ...], scores: tuple[float, ...]
+) -> Floats:
+    """Return the log odds of the cells with enough rays, 0 elsewhere."""
+    total = answered + lost
+    told, score = total >= fewest, np.zeros(total.shape, np.float32)
+    score[told] = np.interp(answered[told] / total[told], shares, scores)
+    return score

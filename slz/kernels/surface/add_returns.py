@@ -11,22 +11,22 @@ from slz.kernels.jit import kernel
 from slz.kernels.surface.surface_record import (
     ANSWER_M,
     APART_M,
-    BRIGHT,
     COUNT,
     DEEP,
-    DIM,
+    FARTHEST_M,
     FLATTEST_DEG,
     HIGH,
-    LOST,
+    LOST_OBLIQUE,
+    LOST_SLANTED,
     LOW,
     MEAN,
-    N_DIM,
     OBLIQUE,
     OBLIQUE_DEG,
+    REPORTED,
     SEVERAL,
+    SLANTED,
+    SLANTED_DEG,
     SQUARES,
-    STEEP,
-    STEEP_DEG,
     SURFACE_FIELDS,
     TALL,
     TIME,
@@ -36,7 +36,7 @@ from slz.kernels.surface.surface_record import (
 SIDE_BITS = 6
 SIDE = 1 << SIDE_BITS  # cells along the side of a tile
 MOST_COUNT = np.float32(50_000)  # returns of a cell, above which all its sums are halved
-STEEP_TAN2 = math.tan(math.radians(STEEP_DEG)) ** 2
+SLANTED_TAN2 = math.tan(math.radians(SLANTED_DEG)) ** 2
 OBLIQUE_TAN2 = math.tan(math.radians(OBLIQUE_DEG)) ** 2
 FLATTEST_TAN2 = math.tan(math.radians(FLATTEST_DEG)) ** 2
 F1, APART = np.float32(1), np.float32(APART_M)
@@ -57,9 +57,9 @@ def tiles_hit(
 @kernel
 def add_returns(
     points: Array2D[np.float64],
-    sensor: Array1D[np.float64],
+    origin: ReadOnly1D[np.uint16],
+    origins: Array2D[np.float64],
     is_near: Array1D[np.bool_],
-    intensity: Array1D[np.float32],
     echoes: Array1D[np.uint8],
     now_s: Float32,
     max_age_s: Float32,
@@ -73,16 +73,18 @@ def add_returns(
 
     Parameters
     ----------
-    points, sensor
-        (n, 3) and (3,); with NaN as the sensor's position the incidence is unknown.
+    points
+        (n, 3).
+    origin, origins
+        (n,) row of each return's sensor position in (k, 3); empty, or NaN, where the incidence is unknown.
     is_near
         (n,), whether the height counts; of the others only incidence and echoes do.
-    intensity, echoes
-        (n,) or empty; NaN and 0 where unknown.
+    echoes
+        (n,) number of returns of the ray, 0 where unknown; or empty.
     table, pool
         Slot of each tile, -1 for none, from (west, south) on, and (slots, SIDE, SIDE, SURFACE_FIELDS).
     """
-    rows, cols, known = table.shape[0] * SIDE, table.shape[1] * SIDE, not math.isnan(sensor[0])
+    rows, cols, known = table.shape[0] * SIDE, table.shape[1] * SIDE, len(origin) > 0
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         row, col = np.floor((y - south) / cell), np.floor((x - west) / cell)
@@ -113,17 +115,11 @@ def add_returns(
             held[TOLD] += F1
             held[SEVERAL] += echoes[i] > 1
         if known:
-            dx, dy, dz = x - sensor[0], y - sensor[1], sensor[2] - z
+            at = np.int64(origin[i])
+            dx, dy, dz = x - origins[at, 0], y - origins[at, 1], origins[at, 2] - z
             tan2 = (dx * dx + dy * dy) / (dz * dz) if dz > 0.0 else np.inf
-            oblique, steep = tan2 >= OBLIQUE_TAN2, tan2 <= STEEP_TAN2
-            held[OBLIQUE] += oblique
-            held[STEEP] += steep
-            if len(intensity) > 0 and intensity[i] == intensity[i] and not oblique:
-                if steep:
-                    held[BRIGHT] += intensity[i]
-                else:
-                    held[DIM] += intensity[i]
-                    held[N_DIM] += F1
+            held[OBLIQUE] += tan2 >= OBLIQUE_TAN2
+            held[SLANTED] += SLANTED_TAN2 <= tan2 < OBLIQUE_TAN2
         if held[COUNT] > MOST_COUNT:
             for f in range(SURFACE_FIELDS):
                 if f != MEAN and f != LOW and f != HIGH and f != TIME:
@@ -142,10 +138,11 @@ def add_lost(
     table: Array2D[np.int32],
     pool: Array4D[np.float32],
 ) -> int:
-    """Add oblique rays without a return to the cells where they met the ground; return how many counted.
+    """Add rays without a return to the cells where they met the ground; return how many counted.
 
     The ground is at `ground_m`, or at the mean of the cell's returns if it has any. Rays that met it beyond
-    `ANSWER_M`, too steeply or too flatly, or where no tile is, do not count.
+    `FARTHEST_M`, too steeply or too flatly, or where no tile is, do not count; beyond `ANSWER_M` they count
+    less, with the square of the range, because dark ground may not have answered either.
 
     Parameters
     ----------
@@ -161,7 +158,7 @@ def add_lost(
         if not dz > 0.0:
             continue
         tan2 = (dx * dx + dy * dy) / (dz * dz)
-        if not (OBLIQUE_TAN2 <= tan2 <= FLATTEST_TAN2):
+        if not (SLANTED_TAN2 <= tan2 <= FLATTEST_TAN2):
             continue
         height, slot, r, c = ground_m, np.int32(-1), 0, 0
         for _ in range(2):
@@ -180,7 +177,12 @@ def add_lost(
                 break
             height = float(held[MEAN])
         drop = up - height
-        if slot >= 0 and drop > 0.0 and drop * drop * (1 + tan2) <= ANSWER_M * ANSWER_M:
-            pool[slot, r & (SIDE - 1), c & (SIDE - 1), LOST] += weights[i]
+        range2 = drop * drop * (1 + tan2)
+        if slot >= 0 and drop > 0.0 and range2 <= FARTHEST_M * FARTHEST_M:
+            share = min(1.0, ANSWER_M * ANSWER_M / range2)
+            field = LOST_OBLIQUE if tan2 >= OBLIQUE_TAN2 else LOST_SLANTED
+            held = pool[slot, r & (SIDE - 1), c & (SIDE - 1)]
+            held[field] += np.float32(weights[i] * share)
+            held[REPORTED] += F1
             n += 1
     return n
