@@ -44,7 +44,9 @@ class Ranking:
                 theirs, other = above
                 known_pair = self._placed.get((other.id, zone.id))
                 if not (known_pair and known_pair[0] is other and known_pair[1] is zone):
-                    known_pair = other, zone, zone.with_reason(_why(zone, mine, other, theirs))
+                    known_pair = other, zone, zone.with_reason(
+                        _why(zone, mine, other, theirs, self._parameters)
+                    )
                 placed[other.id, zone.id] = known_pair
                 ranked.append(known_pair[2])
             above = entry
@@ -55,9 +57,9 @@ class Ranking:
 def rank(zones: Iterable[Zone], parameters: Parameters) -> tuple[Zone, ...]:
     """Return zones with the best to land in first, each with the reason for its rank behind the one before.
 
-    Criteria, in this order: minimum certainty (`min_certainty`), clearance up to `enough_m`, certainty,
-    slope, horizon on the approach, distance. Each is quantised, so that an irrelevant difference leaves the
-    decision to the next criterion.
+    Criteria, in this order: minimum certainty (`min_certainty`), a surface that needs no confirmation,
+    clearance up to `enough_m`, certainty, slope, horizon on the approach, distance. Each is quantised, so
+    that an irrelevant difference leaves the decision to the next criterion.
     """
     return Ranking(parameters).of(list(zones))
 
@@ -66,11 +68,13 @@ def _place(entry: Entry) -> tuple[tuple[float, ...], int]:
     return entry[0], -entry[1].id
 
 
-def _why(zone: Zone, mine: tuple[float, ...], above: Zone, theirs: tuple[float, ...]) -> str:
+def _why(
+    zone: Zone, mine: tuple[float, ...], above: Zone, theirs: tuple[float, ...], parameters: Parameters
+) -> str:
     """Return the reason for a zone's rank behind another."""
     for place, (own, other) in enumerate(zip(mine, theirs, strict=True)):
         if own != other:
-            text, text_above = criteria_text(zone)[place], criteria_text(above)[place]
+            text, text_above = (criteria_text(one, parameters)[place] for one in (zone, above))
             return f"{text}, zone {above.id} {text_above.split(' ', 1)[1]}"
     return "found later"
 
@@ -88,6 +92,7 @@ def criteria(zone: Zone, parameters: Parameters) -> tuple[float, ...]:
     distance_m = best.distance_m if math.isfinite(best.distance_m) else 0.0
     return (
         float(placed and best.certainty >= parameters.min_certainty),
+        float(not best.surface.must_be_confirmed(parameters.roof, parameters.vegetation)),
         math.floor(min(best.clearance_m, enough) / (enough / 8)),
         math.floor(best.certainty * 20),
         -math.floor(best.slope_deg),
@@ -96,14 +101,16 @@ def criteria(zone: Zone, parameters: Parameters) -> tuple[float, ...]:
     )
 
 
-def criteria_text(zone: Zone) -> tuple[str, ...]:
+def criteria_text(zone: Zone, parameters: Parameters) -> tuple[str, ...]:
     """Return the text of each ranking criterion."""
     best = zone.best
     placed = is_known(best.enu_m)
+    confirm = best.surface.must_be_confirmed(parameters.roof, parameters.vegetation)
     unseen = math.isnan(best.horizon_deg)
     distance_m = best.distance_m if math.isfinite(best.distance_m) else 0.0
     return (
         f"certainty {best.certainty:.2f}{'' if placed else ' without height'}",
+        f"{best.surface.text}: to be confirmed" if confirm else "surface needs no confirmation",
         f"clearance {best.clearance_m:.1f} m",
         f"certainty {best.certainty:.2f}",
         f"slope {best.slope_deg:.1f} deg",

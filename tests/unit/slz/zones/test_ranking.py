@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import combinations, pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,16 +15,18 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 import params
-from slz import Pipeline, Report, Zone
+from slz import Pipeline, Report, SurfaceHere, SurfaceKind, Zone
 from slz.zones.ranking import criteria, criteria_text, enough_m, rank
 from tests.unit.companion.flight.landing.flight import zone as bare_zone
 from tests.unit.slz.hand_made import NOWHERE, returns, window
 
 Floats = NDArray[np.float64]
 P = params.load("quadcopter")  # enough is four footprints: 8 m, in steps of 1 m
+BARE, ROOF = SurfaceHere(SurfaceKind.BARE, 0.9), SurfaceHere(SurfaceKind.ROOF, 0.99, raised_m=25.2)
+CROP = SurfaceHere(SurfaceKind.LOW_VEGETATION, 0.9)
 
 
-def zone(zone_id: int, **best: float) -> Zone:
+def zone(zone_id: int, **best: Any) -> Zone:
     """A zone of which only what counts in the ranking is filled in; all alike but for what is given."""
     alike = {"clearance_m": 4.0, "certainty": 0.97, "slope_deg": 2.5, "horizon_deg": 7.0, "distance_m": 45.0}
     bare = bare_zone(zone_id, 0.0, 0.0)
@@ -39,6 +42,12 @@ def ids(zones: tuple[Zone, ...]) -> list[int]:
 # what decides; better; worse; what it says of the worse one
 DECIDES = [
     ("certain enough", {"certainty": 0.861}, {"certainty": 0.855}, "certainty 0.85, zone 2 0.86"),
+    (
+        "surface",
+        {"surface": BARE},
+        {"surface": ROOF},
+        "roof, 25 m up: to be confirmed, zone 2 needs no confirmation",
+    ),
     ("clearance", {"clearance_m": 5.2}, {"clearance_m": 4.9}, "clearance 4.9 m, zone 2 5.2 m"),
     ("certainty", {"certainty": 0.96}, {"certainty": 0.94}, "certainty 0.94, zone 2 0.96"),
     ("slope", {"slope_deg": 1.9}, {"slope_deg": 2.1}, "slope 2.1 deg, zone 2 1.9 deg"),
@@ -49,7 +58,7 @@ DECIDES = [
 
 @pytest.mark.parametrize(("name", "better", "worse", "why"), DECIDES)
 def test_each_criterion_decides_and_says_so(
-    name: str, better: dict[str, float], worse: dict[str, float], why: str
+    name: str, better: dict[str, Any], worse: dict[str, Any], why: str
 ) -> None:
     first, second = rank([zone(1, **worse), zone(2, **better)], P)
     assert (first.id, second.id) == (2, 1)
@@ -60,7 +69,7 @@ def test_each_criterion_decides_and_says_so(
 ORDERED = [
     (first, second)
     for first, second in combinations(range(len(DECIDES)), 2)
-    if (first, second) != (0, 2)  # the certainty of a zone is one number
+    if (first, second) != (0, 3)  # the certainty of a zone is one number
 ]
 
 
@@ -77,6 +86,13 @@ def test_a_zone_not_certain_enough_comes_after_all_that_are() -> None:
     wide = zone(1, certainty=P.min_certainty - 0.01, clearance_m=50, slope_deg=0, horizon_deg=0, distance_m=0)
     narrow = zone(2, certainty=P.min_certainty, clearance_m=1.5, slope_deg=9, horizon_deg=60, distance_m=900)
     assert ids(rank([wide, narrow], P)) == [2, 1]
+
+
+def test_a_surface_that_the_profile_allows_costs_no_rank() -> None:
+    zones = [zone(1, surface=ROOF), zone(2, surface=CROP), zone(3, surface=BARE)]
+    assert ids(rank(zones, P)) == [3, 1, 2]
+    assert ids(rank(zones, params.load("quadcopter", ["roof=allow"]))) == [1, 3, 2]
+    assert ids(rank(zones, params.load("quadcopter", ["roof=allow", "vegetation=allow"]))) == [1, 2, 3]
 
 
 def test_a_point_without_a_height_is_no_certain_one() -> None:
@@ -153,13 +169,14 @@ kinds = st.fixed_dictionaries(
         "slope_deg": st.sampled_from([0.0, 2.2, 2.9, 9.0, 90.0]),
         "horizon_deg": st.sampled_from([math.nan, -8.0, 0.0, 4.0, 21.0, 88.0]),
         "distance_m": st.sampled_from([math.nan, 0.0, 8.0, 12.0, 300.0]),
+        "surface": st.sampled_from([BARE, ROOF, CROP]),
     }
 )
 
 
 @settings(max_examples=100, deadline=None)
 @given(st.lists(kinds, max_size=6).flatmap(lambda k: st.tuples(st.just(k), st.permutations(range(len(k))))))
-def test_the_order_given_changes_nothing(drawn: tuple[list[dict[str, float]], list[int]]) -> None:
+def test_the_order_given_changes_nothing(drawn: tuple[list[dict[str, Any]], list[int]]) -> None:
     kind, order = drawn
     zones = [zone(i + 1, **best) for i, best in enumerate(kind)]
     ranked = rank(zones, P)
@@ -170,13 +187,15 @@ def test_the_order_given_changes_nothing(drawn: tuple[list[dict[str, float]], li
 
 @settings(max_examples=100, deadline=None)
 @given(st.lists(kinds, min_size=1, max_size=6))
-def test_the_reason_is_the_first_criterion_that_differs(kind: list[dict[str, float]]) -> None:
+def test_the_reason_is_the_first_criterion_that_differs(kind: list[dict[str, Any]]) -> None:
     ranked = rank([zone(i + 1, **best) for i, best in enumerate(kind)], P)
     assert ranked[0].why == ""
     for above, below in pairwise(ranked):
         differing = [
             (a, b, text)
-            for a, b, text in zip(criteria(above, P), criteria(below, P), criteria_text(below), strict=True)
+            for a, b, text in zip(
+                criteria(above, P), criteria(below, P), criteria_text(below, P), strict=True
+            )
             if a != b
         ]
         if not differing:
