@@ -40,7 +40,7 @@ class ReportFeed:
         self, link: Link, executive: Executive, users: Callable[[], tuple[ReportUser | None, ...]]
     ) -> None:
         self._link, self._executive, self._users = link, executive, users
-        self._announcer = LandingPointAnnouncer()
+        self._announcer = LandingPointAnnouncer(executive.state.parameters)
         self.zones_seen: set[int] = set()
 
     def on_report(self, report: Report) -> None:

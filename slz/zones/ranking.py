@@ -44,8 +44,10 @@ class Ranking:
                 theirs, other = above
                 known_pair = self._placed.get((other.id, zone.id))
                 if not (known_pair and known_pair[0] is other and known_pair[1] is zone):
-                    known_pair = other, zone, zone.with_reason(
-                        _why(zone, mine, other, theirs, self._parameters)
+                    known_pair = (
+                        other,
+                        zone,
+                        zone.with_reason(_why(zone, mine, other, theirs, self._parameters)),
                     )
                 placed[other.id, zone.id] = known_pair
                 ranked.append(known_pair[2])

@@ -36,8 +36,7 @@ class CloserLook:
     def offset(self, s: Situation) -> Vector | None:
         """Return the offset (2,) to fly for a closer look at the point; None when it needs none."""
         state, selected = self._state, s.selected
-        urgent = state.request is not None and state.request.urgent
-        if self._is_over or urgent or selected is None or not state.aim.is_at(selected):
+        if self._is_over or state.is_urgent or selected is None or not state.aim.is_at(selected):
             return None
         unseen, hazard_m = selected.footing.unseen, state.parameters.hazard_size_m
         if not unseen > MOST_UNSEEN:  # NaN: no evidence of cells

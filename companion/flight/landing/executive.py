@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from companion.flight.landing.aim import same_place
+from companion.flight.landing.confirmation import Confirmation, Ground, ground_at
 from companion.flight.landing.interruptions.low_battery import LowBattery
 from companion.flight.landing.interruptions.missing_input import without_pose
 from companion.flight.landing.interruptions.position_jump import PositionJump
@@ -39,6 +40,7 @@ from companion.flight.landing.situation import (
     Vector,
     VehicleCommands,
 )
+from companion.flight.landing.zone_choice import must_be_confirmed
 from params import Parameters
 from slz import Zone
 
@@ -66,6 +68,8 @@ class Executive:
         self._asked_up_ms: float | None = None
         self._withdrawal, self._battery = Withdrawal(state), LowBattery(state)
         self._jump = PositionJump(state)
+        self._confirmation = Confirmation()
+        self._confirmed: Ground | None = None  # of the newest request with a confirmation
         self._waiting, approach = Waiting(state), Approach(state)
         self._survey, self._descent, self._climb = Survey(state, approach), Descent(state), Climb(state)
         self._commands_in: dict[Phase, Callable[[Situation], VehicleCommands]] = {
@@ -132,11 +136,12 @@ class Executive:
         zone = _zone(situation, zone_id)
         if zone is None:
             return Reply(False, f"no zone {zone_id}")
-        return self._hand_over(situation, LandingRequest(zone.best.enu_m, zone_id))
+        ground = Ground(zone.best.enu_m, zone_id, zone.best.surface)
+        return self._hand_over(situation, LandingRequest(zone.best.enu_m, zone_id), ground)
 
     def land_at_point(self, situation: Situation, enu_m: Vector) -> Reply:
         """Accept the order to land at a point of the operator's choice, if it proves safe."""
-        return self._hand_over(situation, LandingRequest(enu_m))
+        return self._hand_over(situation, LandingRequest(enu_m), ground_at(situation, enu_m))
 
     def land_at_selected(self, situation: Situation) -> Reply:
         """Accept the order to land at the selected point: the confirmation of a selection."""
@@ -186,7 +191,7 @@ class Executive:
         self.state.break_off("operator", situation, hold=True)
         return Reply(True, "aborting")
 
-    def _hand_over(self, s: Situation, request: LandingRequest) -> Reply:
+    def _hand_over(self, s: Situation, request: LandingRequest, ground: Ground | None = None) -> Reply:
         refusal = _not_flying(s)
         if refusal is not None:
             return refusal
@@ -196,7 +201,20 @@ class Executive:
             return Reply(False, "set GUIDED first")
         if s.estimate_lost:
             return Reply(False, f"{s.estimate_lost} lost: fly by hand")
+        if ground is not None and must_be_confirmed(ground.surface, self._p):
+            if not self._is_confirmed(ground, s):
+                return Reply(False, f"{ground.text}: order again to confirm", asks=True)
+            self._confirmed = ground
+            request = replace(request, confirmed=ground.surface.kind)
         return self._start(s, request)
+
+    def _is_confirmed(self, ground: Ground, s: Situation) -> bool:
+        """Return whether this order is the confirmation, or repeats one that the landing under way has."""
+        request, confirmed = self.state.request, self._confirmed
+        under_way = request is not None and request.confirmed is not None
+        if under_way and confirmed is not None and confirmed.is_same(ground):
+            return True
+        return self._confirmation.is_given(ground, s.now_ns)
 
     def _start(self, s: Situation, request: LandingRequest) -> Reply:
         self.state.start(request, s)

@@ -5,15 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.flight.landing.confirmation import surface_suffix
 from companion.flight.landing.situation import Severity
+from params import Parameters
 from slz import PointState, Report
 
 
 class LandingPointAnnouncer:
     """Compares the selected point with the last announcement."""
 
-    def __init__(self) -> None:
-        self._said: tuple[NDArray[np.float64], PointState] | None = None
+    def __init__(self, parameters: Parameters) -> None:
+        self._parameters = parameters
+        self._said: tuple[NDArray[np.float64], PointState, str] | None = None
 
     def update(self, report: Report) -> tuple[Severity, str] | None:
         """Return severity and text for the pilot after a window, None without a change."""
@@ -22,13 +25,16 @@ class LandingPointAnnouncer:
             self._said = None
             return None
         same = self._said is not None and np.array_equal(self._said[0], point.enu_m)
-        if same and self._said is not None and self._said[1] is point.state:
+        surface = point.surface
+        water = ": may be water" if surface.water > self._parameters.water_suspicion else ""
+        kind = water or (surface.kind.word if point.state is PointState.SAFE else "")
+        if same and self._said is not None and self._said[1:] == (point.state, kind):
             return None
-        self._said = point.enu_m, point.state
+        self._said = point.enu_m, point.state, kind
         where = "" if point.zone_id is None else f" in zone {point.zone_id}"
         by = ", far map" if point.judged_by == "far" else ""
         if point.state is PointState.UNSAFE:
-            return Severity.CRITICAL, f"SLZ: landing point is UNSAFE{by}"
+            return Severity.CRITICAL, f"SLZ: landing point is UNSAFE{by}{water}"
         if point.state is PointState.UNKNOWN:
-            return Severity.WARNING, f"SLZ: landing point is unknown{by}"
-        return Severity.NOTICE, f"SLZ: landing point is safe{where}{by}"
+            return Severity.WARNING, f"SLZ: landing point is unknown{by}{water}"
+        return Severity.NOTICE, f"SLZ: landing point is safe{where}{by}{surface_suffix(surface)}"

@@ -21,7 +21,7 @@ from companion.flight.landing.situation import (
     Vector,
     VehicleCommands,
 )
-from companion.flight.landing.zone_choice import soonest
+from companion.flight.landing.zone_choice import must_be_confirmed, soonest
 from params import Parameters
 from slz import PointState, Zone
 
@@ -173,7 +173,37 @@ class LandingState:
         if not s.lidar_ok:
             return s.no_map_reason
         judged = self.aim.judgement(s.selected)
-        return None if judged is PointState.SAFE else f"point {judged.value}"
+        if judged is not PointState.SAFE:
+            return f"point {judged.value}" + self.water_suffix(s)
+        unconfirmed = self.unconfirmed(s)
+        return None if unconfirmed is None else f"{unconfirmed}: not confirmed"
+
+    @property
+    def is_urgent(self) -> bool:
+        """Whether the landing under way takes what is reached soonest."""
+        return self.request is not None and self.request.urgent
+
+    def unconfirmed(self, s: Situation) -> str | None:
+        """Return the surface at the point, if a landing there lacks its confirmation; otherwise None."""
+        selected, request = s.selected, self.request
+        if selected is None or not self.aim.is_at(selected):
+            return None
+        surface = selected.surface
+        if self.is_urgent or not must_be_confirmed(surface, self.parameters):
+            return None
+        if request is None and self.phase is Phase.FINAL:  # resumed: confirmed before the restart
+            return None
+        return None if request is not None and request.confirmed is surface.kind else surface.text
+
+    def may_be_water(self, s: Situation) -> bool:
+        """Return whether the newest report suspects water at the point."""
+        selected = s.selected
+        suspected = selected is not None and selected.surface.water > self.parameters.water_suspicion
+        return suspected and self.aim.is_at(selected)
+
+    def water_suffix(self, s: Situation) -> str:
+        """Return the end of a reason against the point, where water is suspected there."""
+        return ": may be water" if self.may_be_water(s) else ""
 
     def is_battery_low(self, s: Situation) -> bool:
         """Return whether the charge is at or below the one at which to land."""

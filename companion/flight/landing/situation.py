@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from slz import Report, SelectedPoint
+from slz import Report, SelectedPoint, SurfaceKind
 
 Vector = NDArray[np.float64]
 STOPPED: Vector = np.zeros(3)  # setpoint of a vehicle that holds its position
@@ -108,10 +108,11 @@ class VehicleCommands:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """Answer to an operator: accepted or not, and the reason."""
+    """Answer to an operator: accepted or not, and the reason; asks: refused until it is confirmed."""
 
     accepted: bool
     reason: str
+    asks: bool = False
 
 
 @dataclass(slots=True)
@@ -132,11 +133,15 @@ class Tally:
 
 @dataclass(frozen=True, slots=True)
 class LandingRequest:
-    """The operator's request: a point, or None for the best zone; urgent: the one reached soonest."""
+    """The operator's request: a point, or None for the best zone; urgent: the one reached soonest.
+
+    confirmed: kind of surface at the point, if the operator confirmed the landing on it.
+    """
 
     enu_m: Vector | None = None
     zone_id: int | None = None
     urgent: bool = False
+    confirmed: SurfaceKind | None = None
 
 
 def known(vector: Vector | None) -> Vector:

@@ -2,45 +2,69 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
 
 from companion.flight.landing.situation import Vector
 from params import Parameters
-from slz import Report, Zone
+from slz import Report, SurfaceHere, Zone
 
 REFUSE_WITHIN_M = 6.0
 
 
 def choose(zones: Sequence[Zone], refused_enu_m: Sequence[Vector], parameters: Parameters) -> Zone | None:
-    """Return the best ranked usable zone, or None.
+    """Return the best ranked usable zone that needs no confirmation, or None.
 
     Its best point must be certain enough, and not near a point refused before.
     """
-    return next((zone for zone in zones if _usable(zone, refused_enu_m, parameters.min_certainty)), None)
+    certainty = parameters.min_certainty
+    usable = (zone for zone in zones if _usable(zone, refused_enu_m, certainty))
+    return next((zone for zone in usable if not must_be_confirmed(zone.best.surface, parameters)), None)
 
 
-def look_at(report: Report, refused_enu_m: Sequence[Vector]) -> Zone | None:
-    """Return the best zone of the survey prior, None without one.
+def look_at(report: Report, refused_enu_m: Sequence[Vector], parameters: Parameters) -> Zone | None:
+    """Return the best zone of the survey prior that needs no confirmation, None without one.
 
     It is not certain: the vehicle waits above its point until the live maps judge that safe.
     """
     zones = () if report.prior is None else report.prior.zones
-    return next((zone for zone in zones if _usable(zone, refused_enu_m, 0.0)), None)
+    usable = (zone for zone in zones if _usable(zone, refused_enu_m, 0.0))
+    return next((zone for zone in usable if not must_be_confirmed(zone.best.surface, parameters)), None)
+
+
+def confirmable(zones: Sequence[Zone], parameters: Parameters) -> Zone | None:
+    """Return the best ranked zone that is certain enough and waits for a confirmation, or None."""
+    certain = (zone for zone in zones if _usable(zone, (), parameters.min_certainty))
+    return next((zone for zone in certain if must_be_confirmed(zone.best.surface, parameters)), None)
 
 
 def soonest(
     report: Report, refused_enu_m: Sequence[Vector], parameters: Parameters, position_enu_m: Vector
 ) -> Zone | None:
-    """Return the nearest usable zone of the near map, else of the far one, else of the survey prior."""
+    """Return the nearest usable zone of the near map, else of the far one, else of the survey prior.
+
+    Only where none of them has one, those that need a confirmation count: roofs, low vegetation.
+    """
     prior = () if report.prior is None else report.prior.zones
     least = parameters.min_certainty
-    for zones, certainty in ((report.zones, least), (report.far.zones, least), (prior, 0.0)):
-        usable = [zone for zone in zones if _usable(zone, refused_enu_m, certainty)]
+    maps = ((report.zones, least), (report.far.zones, least), (prior, 0.0))
+    for confirm, (zones, certainty) in itertools.product((False, True), maps):
+        usable = [
+            zone
+            for zone in zones
+            if _usable(zone, refused_enu_m, certainty)
+            and must_be_confirmed(zone.best.surface, parameters) is confirm
+        ]
         if usable:
             return min(usable, key=lambda zone: float(np.hypot(*(zone.best.enu_m - position_enu_m)[:2])))
     return None
+
+
+def must_be_confirmed(surface: SurfaceHere, parameters: Parameters) -> bool:
+    """Return whether a landing on a surface needs the operator's confirmation."""
+    return surface.must_be_confirmed(parameters.roof, parameters.vegetation)
 
 
 def _usable(zone: Zone, refused_enu_m: Sequence[Vector], least_certainty: float) -> bool:

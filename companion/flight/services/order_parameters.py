@@ -41,6 +41,7 @@ ORDERS = {
 }
 # A station that missed the answer sets the parameter again: a repeat, while the first order is valid.
 REPEAT_NS = 3_000_000_000
+RESENT_NS = 4_000_000_000  # of an order to be confirmed: from one setting to the next
 
 
 class OrderParameters:
@@ -58,6 +59,8 @@ class OrderParameters:
         self._desk = desk
         self._last: tuple[str, int, int] | None = None  # last accepted order: name, value, order count
         self._last_ns = 0
+        self._asked: tuple[str, int] | None = None  # order that waits for its confirmation
+        self._asked_ns = 0
         self.rows = (SELECT_ROW, DO_ROW)
         self.do = 0
 
@@ -81,8 +84,16 @@ class OrderParameters:
         if (name, value, self._desk.order_count) == self._last and now_ns() - self._last_ns < REPEAT_NS:
             return Change(True, "")
         order = Order(OrderKind.SELECT_ZONE, value) if name == "select" else Order(ORDERS[value])
+        if (name, value) == self._asked and self._is_resent():
+            return Change(False, f"{row.mavlink} {value}: sent again too soon to confirm")
         reply = self._desk.carry_out(order)
+        self._asked, self._asked_ns = ((name, value) if reply.asks else None), now_ns()
         repeatable = reply.accepted and order.kind is not OrderKind.ABORT  # an abort is executed each time
         self._last = (name, value, self._desk.order_count) if repeatable else None
         self._last_ns = now_ns()
         return Change(reply.accepted, f"{row.mavlink} {value}: {reply.reason}")
+
+    def _is_resent(self) -> bool:
+        """Return whether a station, rather than the pilot, may have set the parameter again."""
+        before_ns, self._asked_ns = self._asked_ns, now_ns()
+        return self._asked_ns - before_ns < RESENT_NS

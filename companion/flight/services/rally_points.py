@@ -45,7 +45,8 @@ TRANSFERS = frozenset(
 def best_points(report: Report, vehicle: VehicleState, parameters: Parameters) -> tuple[RallyPoint, ...]:
     """Return the rally points of a report: its best near zones, certain and within reach of the vehicle.
 
-    Without such a zone, the zones of the survey prior are used.
+    Without such a zone, the zones of the survey prior are used. Zones that need a confirmation are left out:
+    nobody is asked when the autopilot returns.
     """
     if vehicle.position_lla is None or vehicle.relative_alt_m is None:
         return ()
@@ -70,6 +71,8 @@ def _points(
     for zone in zones:
         best = zone.best
         if best.certainty < least_certainty or not all(map(math.isfinite, best.enu_m)):
+            continue
+        if best.surface.must_be_confirmed(parameters.roof, parameters.vegetation):
             continue
         there = [float(v) for v in report.frame.lla(best.enu_m)]
         above_home_m = math.ceil(there[2] - home_m + parameters.rally_height_m - 0.01)

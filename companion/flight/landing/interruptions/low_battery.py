@@ -6,6 +6,7 @@ import numpy as np
 
 from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.situation import LandingRequest, Phase, Severity, Situation
+from companion.flight.landing.zone_choice import must_be_confirmed
 
 CALL_AGAIN_NS = 30 * SECOND  # while there is no zone
 RECHARGED_PCT = 10.0  # above the low charge: another battery, for which everything is said anew
@@ -51,5 +52,7 @@ class LowBattery:
     def _is_nearer_elsewhere(self, s: Situation) -> bool:
         zone = self._state.soonest_zone(s)
         if zone is None or s.position_enu_m is None:
+            return False
+        if must_be_confirmed(zone.best.surface, self._state.parameters):
             return False
         return bool(np.hypot(*(zone.best.enu_m - s.position_enu_m)[:2]) < self._state.aim.away_m)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from companion.flight.landing.closer_look import LOOK_MS, CloserLook
+from companion.flight.landing.confirmation import ground_at
 from companion.flight.landing.interruptions.missing_input import without_lidar
 from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.route import TURN_M, Way
@@ -20,7 +21,8 @@ from companion.flight.landing.situation import (
     known,
 )
 from companion.flight.landing.touchdown_heading import stands_at, touchdown_heading_rad
-from slz import PointState
+from companion.flight.landing.zone_choice import must_be_confirmed
+from slz import PointState, SurfaceHere, SurfaceKind
 
 STEADY_NS = 2 * SECOND  # point safe before the descent
 UNSEEN_NS = 30 * SECOND  # over a point that stays unknown
@@ -34,6 +36,7 @@ class Approach:
         self._state = state
         self._look = CloserLook(state)
         self._over_since_ns: int | None = None  # over the point, in this approach
+        self._warned = False  # of the surface
 
     def start(self, s: Situation, enu_m: Vector, zone_id: int | None) -> VehicleCommands:
         """Choose a point and turn to it."""
@@ -44,8 +47,11 @@ class Approach:
         state.selection.select(state.aim.enu_m)
         self._over_since_ns = state.safe_since_ns = None
         self._look.reset()
-        where = f"zone {zone_id}" if zone_id is not None else "the point"
-        state.say(Severity.INFO, f"approaching {where}")
+        self._warned = False
+        ground = ground_at(s, known(state.aim.enu_m), zone_id)
+        named = ground if zone_id is not None else replace(ground, zone_id=None)
+        state.say(Severity.INFO, f"approaching {named.text}")
+        self._warn_of(ground.surface)
         state.go(Phase.APPROACH, s)
         return VehicleCommands(velocity_enu_ms=STOPPED)
 
@@ -62,7 +68,12 @@ class Approach:
         if over and self._over_since_ns is None:
             self._over_since_ns = s.now_ns
         if judged is PointState.UNSAFE:
-            return state.break_off("point unsafe", s)
+            return state.break_off("point unsafe" + state.water_suffix(s), s)
+        unconfirmed = state.unconfirmed(s)
+        if unconfirmed is not None:
+            return state.break_off(f"{unconfirmed}: not confirmed", s)
+        if s.selected is not None and state.aim.is_at(s.selected):
+            self._warn_of(s.selected.surface)
         look = self._look.offset(s) if self._over_since_ns and judged is PointState.SAFE else None
         if look is not None:
             self._over_since_ns = s.now_ns
@@ -76,7 +87,7 @@ class Approach:
             state.go(Phase.DESCEND, s)
         unseen = self._over_since_ns is not None and s.now_ns - self._over_since_ns > UNSEEN_NS
         if over and judged is PointState.UNKNOWN and unseen:
-            return state.break_off("point not seen", s)
+            return state.break_off("point not seen" + state.water_suffix(s), s)
         if state.way(s) is Way.TOO_HIGH:
             return state.break_off("way blocked", s)
         if s.now_ns > state.late_ns:
@@ -88,3 +99,12 @@ class Approach:
         if state.aim.away_m < TURN_M and judged is PointState.SAFE:
             return replace(commands, yaw_rad=touchdown_heading_rad(s.selected, s.heading_rad))
         return commands
+
+    def _warn_of(self, surface: SurfaceHere) -> None:
+        """Warn once of ground that only an urgent landing takes without a confirmation."""
+        state = self._state
+        if self._warned or not state.is_urgent or not must_be_confirmed(surface, state.parameters):
+            return
+        self._warned = True
+        article = "a " if surface.kind is SurfaceKind.ROOF else ""
+        state.say(Severity.WARNING, f"landing on {article}{surface.text}")

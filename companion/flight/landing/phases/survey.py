@@ -6,10 +6,11 @@ from companion.flight.landing.interruptions.missing_input import without_lidar
 from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.phases.approach import Approach
 from companion.flight.landing.situation import STOPPED, Phase, Severity, Situation, VehicleCommands, known
-from companion.flight.landing.zone_choice import choose, look_at
+from companion.flight.landing.zone_choice import choose, confirmable, look_at
 from slz import Zone
 
 SEARCH_NS = 300 * SECOND  # beyond `survey_s`, before the pilot is called
+ASK_AGAIN_NS = 30 * SECOND  # for the confirmation of a zone
 TAKE_OVER_NS = 5 * SECOND  # limit for the autopilot to obey an emergency
 
 
@@ -18,6 +19,7 @@ class Survey:
 
     def __init__(self, state: LandingState, approach: Approach) -> None:
         self._state, self._approach = state, approach
+        self._asked_ns: int | None = None
 
     def commands(self, s: Situation) -> VehicleCommands:
         """Fly to the next corner of the search, or approach the zone that is chosen now."""
@@ -35,6 +37,7 @@ class Survey:
         zone = self._choice(s)
         if zone is not None:
             return self._approach.start(s, zone.best.enu_m, zone.id)
+        self._ask(s)
         if s.now_ns - state.since_ns > round(state.parameters.survey_s * 1e9) + SEARCH_NS:
             state.say(Severity.CRITICAL, "no zone found: take over")
             state.go(Phase.HOLD, s)
@@ -57,13 +60,26 @@ class Survey:
         The latter is a zone of the far map, or of the survey prior.
         """
         state, p = self._state, self._state.parameters
-        urgent = state.request is not None and state.request.urgent
-        if s.report is None or (not urgent and s.now_ns - state.since_ns < p.survey_s * 1e9):
+        if s.report is None or not (state.is_urgent or self._has_lasted(s)):
             return None
-        if urgent:
+        if state.is_urgent:
             return state.soonest_zone(s)
         return (
             choose(s.report.zones, state.refused, p)
             or choose(s.report.far.zones, state.refused, p)
-            or look_at(s.report, state.refused)
+            or look_at(s.report, state.refused, p)
         )
+
+    def _has_lasted(self, s: Situation) -> bool:
+        return s.now_ns - self._state.since_ns >= self._state.parameters.survey_s * 1e9
+
+    def _ask(self, s: Situation) -> None:
+        """Ask the pilot now and then to confirm a zone, where no other was found in the survey."""
+        if s.report is None or not self._has_lasted(s):
+            return
+        if self._asked_ns is not None and 0 <= s.now_ns - self._asked_ns < ASK_AGAIN_NS:
+            return
+        zone = confirmable(s.report.zones, self._state.parameters)
+        if zone is not None:
+            self._asked_ns = s.now_ns
+            self._state.say(Severity.WARNING, f"zone {zone.id}: {zone.best.surface.text}: confirm")

@@ -21,8 +21,10 @@ from slz import (
     PointState,
     Report,
     SelectedPoint,
+    SurfaceHere,
     Zone,
 )
+from slz.surface.surface_kinds import UNKNOWN_SURFACE
 from slz.terrain.footing import ANY_FOOTING
 
 STEP_S, TURN_DEGS = 0.1, 30.0
@@ -30,9 +32,17 @@ FRAME = LocalFrame(47.0, 8.0, 400.0)
 GRID = Grid(-200, -200, 0.2, 2000, 2000)
 
 
-def zone(zone_id: int, east: float, north: float, clearance: float = 5.0, certainty: float = 0.99) -> Zone:
+def zone(
+    zone_id: int,
+    east: float,
+    north: float,
+    clearance: float = 5.0,
+    certainty: float = 0.99,
+    surface: SurfaceHere = UNKNOWN_SURFACE,
+) -> Zone:
     """A zone of which only what the executive reads is filled in."""
     best = LandingPoint(np.array([east, north, 0.0]), clearance, 2 * clearance, 1.0, certainty)
+    best = replace(best, surface=surface)
     empty = np.zeros((0, 2), np.int32)
     return Zone(
         id=zone_id,
@@ -92,6 +102,7 @@ class Flight:
         self.heading_deg: float | None = 0.0
         self.footing = ANY_FOOTING
         self.turns = True
+        self.surface: Callable[[np.ndarray], SurfaceHere] = self.surface_of_zone
 
     @property
     def now_ns(self) -> int:
@@ -104,6 +115,7 @@ class Flight:
             selected = SelectedPoint(
                 self.selected, state, "near", 0.0, 1.0, 0.05, 0.99, 1, None, self.footing
             )
+            selected = replace(selected, surface=self.surface(self.selected))
         near, far = MapReport(GRID, tuple(self.zones)), MapReport(GRID, tuple(self.far_zones))
         choice = Choice(100.0, 20.0, 0.0, False, 0, 1.0)
         report = Report(0, FRAME, near, far, choice, selected, 1000, 1000, 0, 0, False, {})
@@ -137,6 +149,11 @@ class Flight:
             switched=self.switched,
             heading_rad=None if self.heading_deg is None else math.radians(self.heading_deg),
         )
+
+    def surface_of_zone(self, point: np.ndarray) -> SurfaceHere:
+        zones = [*self.zones, *self.far_zones, *self.prior_zones]
+        here = [one for one in zones if np.hypot(*(one.best.enu_m - point)[:2]) < 1]
+        return here[0].best.surface if here else UNKNOWN_SURFACE
 
     def step(self) -> VehicleCommands:
         commands = self.executive.step(self.situation())

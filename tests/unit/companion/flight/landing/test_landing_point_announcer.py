@@ -6,24 +6,30 @@ from dataclasses import replace
 
 import numpy as np
 
+import params
 from companion.flight.landing.landing_point_announcer import LandingPointAnnouncer
 from companion.flight.landing.situation import Severity
-from slz import PointState, Report
+from slz import PointState, Report, SurfaceHere, SurfaceKind
 from slz.landing_point.judgement import unknown
 from tests.unit.companion.flight.landing.flight import Flight
 
+BARE, ROOF = SurfaceHere(SurfaceKind.BARE, 0.9), SurfaceHere(SurfaceKind.ROOF, 0.99, raised_m=25.2)
+LAKE = SurfaceHere(SurfaceKind.WATER, 0.7, water=0.7)
 
-def report(state: PointState | None, east: float = 0.0, judged_by: str = "near") -> Report:
+
+def report(
+    state: PointState | None, east: float = 0.0, judged_by: str = "near", surface: SurfaceHere = BARE
+) -> Report:
     found = Flight([]).situation().report
     assert found is not None
     if state is None:
         return replace(found, selected=None)
     point = replace(unknown(np.array([east, 0.0, 0.0])), state=state, judged_by=judged_by, zone_id=7)
-    return replace(found, selected=point)
+    return replace(found, selected=replace(point, surface=surface))
 
 
 def test_a_point_that_turns_unsafe_is_told_at_once_and_once() -> None:
-    announcer = LandingPointAnnouncer()
+    announcer = LandingPointAnnouncer(params.build({}))
     assert announcer.update(report(PointState.SAFE)) == (
         Severity.NOTICE,
         "SLZ: landing point is safe in zone 7",
@@ -35,7 +41,7 @@ def test_a_point_that_turns_unsafe_is_told_at_once_and_once() -> None:
 
 
 def test_another_point_is_told_of_anew() -> None:
-    announcer = LandingPointAnnouncer()
+    announcer = LandingPointAnnouncer(params.build({}))
     assert announcer.update(report(PointState.SAFE)) is not None
     assert announcer.update(report(PointState.SAFE, east=5.0)) is not None
     assert announcer.update(report(None)) is None
@@ -43,13 +49,32 @@ def test_another_point_is_told_of_anew() -> None:
 
 
 def test_what_only_the_far_map_knows_is_told_as_such() -> None:
-    news = LandingPointAnnouncer().update(report(PointState.SAFE, judged_by="far"))
+    news = LandingPointAnnouncer(params.build({})).update(report(PointState.SAFE, judged_by="far"))
     assert news == (Severity.NOTICE, "SLZ: landing point is safe in zone 7, far map")
 
 
 def test_the_texts_fit_a_statustext() -> None:
     for state in PointState:
         for judged_by in ("near", "far", "none"):
-            news = LandingPointAnnouncer().update(report(state, judged_by=judged_by))
+            news = LandingPointAnnouncer(params.build({})).update(report(state, judged_by=judged_by))
             assert news is not None
             assert len(news[1]) <= 50
+
+
+def test_a_surface_other_than_bare_ground_is_named_and_told_of_when_it_shows() -> None:
+    announcer = LandingPointAnnouncer(params.build({}))
+    assert announcer.update(report(PointState.SAFE)) is not None
+    news = announcer.update(report(PointState.SAFE, surface=ROOF))
+    assert news == (Severity.NOTICE, "SLZ: landing point is safe in zone 7: roof, 25 m up")
+    assert announcer.update(report(PointState.SAFE, surface=replace(ROOF, raised_m=24.1))) is None
+    assert announcer.update(report(PointState.UNKNOWN, surface=ROOF)) is not None
+    assert announcer.update(report(PointState.UNKNOWN, surface=BARE)) is None
+
+
+def test_suspected_water_is_the_reason_of_an_unknown_point() -> None:
+    announcer = LandingPointAnnouncer(params.build({}))
+    assert announcer.update(report(PointState.UNKNOWN)) is not None
+    news = announcer.update(report(PointState.UNKNOWN, surface=LAKE))
+    assert news == (Severity.WARNING, "SLZ: landing point is unknown: may be water")
+    news = announcer.update(report(PointState.UNSAFE, surface=LAKE))
+    assert news == (Severity.CRITICAL, "SLZ: landing point is UNSAFE: may be water")

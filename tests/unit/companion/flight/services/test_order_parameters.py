@@ -29,11 +29,12 @@ class Listener:
         self.selected = 0
         self.order_count = 0
         self.refuses = ""
+        self.asks = False
 
     def carry_out(self, order: Order) -> Reply:
         self.orders.append(order)
         if self.refuses:
-            return Reply(False, self.refuses)
+            return Reply(False, self.refuses, self.asks)
         if order.kind is OrderKind.SELECT_ZONE and order.zone_id != 7:
             return Reply(False, f"no zone {order.zone_id}")
         self.selected = order.zone_id or self.selected
@@ -158,3 +159,27 @@ def test_their_names_are_nobody_else_s() -> None:
     taken = {row.mavlink for row in rows()} | {row.name for row in rows()}
     own: tuple[Row, ...] = (order_parameters.SELECT_ROW, order_parameters.DO_ROW)
     assert not taken & {name for row in own for name in (row.mavlink, row.name)}
+
+
+def test_a_station_that_sets_again_without_its_pilot_confirms_nothing(desk: Desk) -> None:
+    """A parameter has no counter of its repetitions: they come each three seconds while answers are lost."""
+    desk.listener.refuses, desk.listener.asks = "zone 2: roof, 25 m up: order again to confirm", True
+    for _ in range(4):
+        desk.set("SLZ_DO", 2)
+        desk.now_ns += 3 * 10**9
+    assert len(desk.listener.orders) == 1
+    desk.now_ns += 2 * 10**9
+    desk.set("SLZ_DO", 2)
+    assert len(desk.listener.orders) == 2
+    assert desk.texts[-2:] == [
+        ("SLZ: SLZ_DO 2: sent again too soon to confirm", False),
+        ("SLZ: SLZ_DO 2: zone 2: roof, 25 m up: order again to confirm", False),
+    ]
+
+
+def test_another_refusal_is_not_kept(desk: Desk) -> None:
+    desk.listener.refuses = "set GUIDED first"
+    for _ in range(2):
+        desk.set("SLZ_DO", 2)
+        desk.now_ns += 10**9
+    assert len(desk.listener.orders) == 2

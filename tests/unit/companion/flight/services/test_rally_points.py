@@ -14,7 +14,8 @@ import params
 from companion.flight.link.mission_protocol import RALLY, RallyPoint
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.services.rally_points import Rally, apart_m, best_points, moved
-from slz import LocalFrame
+from slz import LocalFrame, SurfaceHere, SurfaceKind
+from slz.surface.surface_kinds import UNKNOWN_SURFACE
 from tests.unit.companion.flight.link.messages import received
 
 S = 1_000_000_000
@@ -220,8 +221,11 @@ FRAME = LocalFrame(47.0, 8.0, 400.0)
 ABOVE = VehicleState(position_lla=(47.0, 8.0, 430.0), relative_alt_m=25.0)  # home at 405 m
 
 
-def zone(east: float, up: float = 2.2, certainty: float = 0.95) -> Any:
-    return SimpleNamespace(best=SimpleNamespace(enu_m=np.array([east, 0.0, up]), certainty=certainty))
+def zone(
+    east: float, up: float = 2.2, certainty: float = 0.95, surface: SurfaceHere = UNKNOWN_SURFACE
+) -> Any:
+    enu_m = np.array([east, 0.0, up])
+    return SimpleNamespace(best=SimpleNamespace(enu_m=enu_m, certainty=certainty, surface=surface))
 
 
 def report(*zones: Any) -> Any:
@@ -249,6 +253,16 @@ def test_only_certain_zones_with_a_place_in_reach_count_five_at_most_in_their_or
     zones = [zone(10, certainty=0.5), zone(20, up=np.nan), zone(310), *(zone(30.0 + n) for n in range(7))]
     found = chosen(*zones)
     assert [round(apart_m(p, 470_000_000, 80_000_000)) for p in found] == [30, 31, 32, 33, 34]
+
+
+def test_no_point_is_on_ground_that_needs_a_confirmation() -> None:
+    roof, crop = SurfaceHere(SurfaceKind.ROOF, raised_m=8.0), SurfaceHere(SurfaceKind.LOW_VEGETATION)
+    zones = [zone(10, surface=roof), zone(20, surface=crop), zone(30, surface=SurfaceHere(SurfaceKind.BARE))]
+    at = [
+        [round(apart_m(p, 470_000_000, 80_000_000)) for p in chosen(*zones, **values)]
+        for values in ({}, {"roof": "allow"}, {"vegetation": "allow"})
+    ]
+    assert at == [[30], [10, 30], [20, 30]]
 
 
 def test_without_a_position_there_is_no_point() -> None:
