@@ -18,9 +18,10 @@ def active_alarms(state: dict[str, Any], selected: dict[str, Any] | None) -> lis
         Landing point in the newest report, None without one.
     """
     found: list[tuple[Level, str, str]] = []
+    water = ": may be water" if selected is not None and selected["may_be_water"] else ""
     if selected is not None and selected["state"] == "unsafe":
         by = " (far map)" if selected["judged_by"] == "far" else ""
-        found.append(("critical", "point-unsafe", f"LANDING POINT UNSAFE{by}"))
+        found.append(("critical", "point-unsafe", f"LANDING POINT UNSAFE{by}{water}"))
     if not state["connected"]:
         found.append(("critical", "no-autopilot", "NO AUTOPILOT"))
     elif not state["heard"]:
@@ -40,7 +41,8 @@ def active_alarms(state: dict[str, Any], selected: dict[str, Any] | None) -> lis
     if state["pipeline_failed"]:
         found.append(("critical", "pipeline", "MAP FAILED: no zone can be trusted"))
     if selected is not None and selected["state"] == "unknown":
-        found.append(("warning", "point-unknown", "Landing point not judged: nothing seen there"))
+        text = f"Landing point not judged{water or ': nothing seen there'}"
+        found.append(("warning", "point-unknown", text))
     if state["unfit"]:
         more = f" and {len(state['unfit']) - 1} more: see slz doctor" if len(state["unfit"]) > 1 else ""
         found.append(("warning", "unfit", f"Autopilot not set up: {state['unfit'][0]}{more}"))

@@ -34,6 +34,10 @@ class Point(BaseModel):
     certainty: float | None
     headings_deg: list[int] = Field(description="Headings at which the gear stands there.")
     unseen: float | None = Field(description="Probability that a hazard there got no return.")
+    surface: str | None = Field(description="Bare ground, water, roof, low vegetation or canopy.")
+    surface_probability: float | None
+    water: float | None = Field(description="Highest probability of water under the vehicle there.")
+    raised_m: float | None = Field(description="Of a roof, over the ground around it.")
     zone: int | None
 
 
@@ -75,7 +79,10 @@ class Geometry(BaseModel):
 
 
 class Feature(BaseModel):
-    """Zone; its properties are those of `slz map`, and `map`: near or far."""
+    """Zone; its properties are those of `slz map`, and `map`: near or far.
+
+    `surface`, `surface_probability`, `water` and `raised_m` are of its best point, as in `Point`.
+    """
 
     type: Literal["Feature"]
     id: int

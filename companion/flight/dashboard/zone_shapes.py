@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from companion.flight.outputs.surface_summary import surface_summary
 from companion.flight.outputs.zone_outline import zone_polygon
 from params import Parameters
 from slz import Grid, Obstacle, Report, SelectedPoint, Zone
@@ -45,7 +46,7 @@ class ZoneShapes:
             "prior": self._zones(report.prior.zones[:MOST_PRIOR], report.prior.grid, parameters)
             if report.prior
             else [],
-            "selected": None if report.selected is None else point(report.selected),
+            "selected": None if report.selected is None else point(report.selected, parameters),
             "footprint_m": parameters.footprint_m,
             "choice": {
                 "far": choice.far,
@@ -84,6 +85,7 @@ class ZoneShapes:
             "point_certainty": round(best.certainty, 4),
             "distance_m": _number(best.distance_m, 1),
             "obstacles": len(zone.obstacles),
+            **surface_summary(best.surface),
             "rings": self._rings(zone, grid),
         }
 
@@ -101,7 +103,7 @@ class ZoneShapes:
         return self._held[key]
 
 
-def point(selected: SelectedPoint) -> dict[str, Any]:
+def point(selected: SelectedPoint, parameters: Parameters) -> dict[str, Any]:
     """Return the selected landing point with the obstacles around it, nearest first."""
     around = selected.surroundings
     way_in = None if around is None else around.way_in()
@@ -116,6 +118,8 @@ def point(selected: SelectedPoint) -> dict[str, Any]:
         "certainty": _number(selected.certainty, 4),
         "headings_deg": list(selected.footing.headings_deg),
         "unseen": _number(selected.footing.unseen, 4),
+        **surface_summary(selected.surface),
+        "may_be_water": selected.surface.water > parameters.water_suspicion,
         "zone": selected.zone_id,
         "way_in_deg": None if way_in is None else round(math.degrees(way_in[0])),
         "horizon_deg": [] if around is None else [_number(v, 0) for v in around.horizon_deg],

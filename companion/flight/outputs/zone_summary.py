@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from companion.flight.outputs.surface_summary import surface_summary
 from slz import LocalFrame, Obstacle, Report, SelectedPoint, Zone
 
 MOST_OBSTACLES = 20
@@ -24,6 +25,7 @@ def zone_summary(zone: Zone, frame: LocalFrame) -> dict[str, Any]:
         "square_side_m": round(zone.best.square_side_m, 2),
         "clearance_m": round(zone.best.clearance_m, 2),
         "point_certainty": round(zone.best.certainty, 4),
+        **surface_summary(zone.best.surface),
         "why": zone.why,
         "lat": lat,
         "lon": lon,
@@ -57,6 +59,7 @@ def point_summary(point: SelectedPoint, frame: LocalFrame) -> dict[str, Any]:
         "lon": lon,
         "alt_m": alt,
         "certainty": round(point.certainty, 4) if math.isfinite(point.certainty) else None,
+        **surface_summary(point.surface),
         "way_in_deg": None,
         "obstacles": [],
     }

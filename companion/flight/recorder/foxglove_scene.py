@@ -46,7 +46,7 @@ from numpy.typing import NDArray
 from companion.flight.geometry.pose import Pose as VehiclePose
 from companion.flight.outputs.zone_feature import zone_feature
 from companion.flight.recorder import journal
-from slz import LocalFrame, PointState, Report, Window, Zone
+from slz import LocalFrame, PointState, Report, SurfaceKind, Window, Zone
 
 MAP, BODY = "map", "base_link"
 POINTS, ZONES, GEOJSON, TRANSFORM, FIX, LOG, PARAMETERS = (
@@ -134,7 +134,7 @@ def _zone(zone: Zone, rank: int, at_ns: int, lifetime: Duration) -> SceneEntity:
         font_size=14.0,
         scale_invariant=True,
         color=colour,
-        text=f"{zone.id}: {zone.area_m2:.0f} m2, {zone.best.certainty:.3f}",
+        text=f"{zone.id}: {zone.area_m2:.0f} m2, {zone.best.certainty:.3f}{_surface(zone)}",
     )
     return SceneEntity(
         timestamp=_stamp(at_ns),
@@ -144,6 +144,11 @@ def _zone(zone: Zone, rank: int, at_ns: int, lifetime: Duration) -> SceneEntity:
         lines=[outline],
         texts=[text],
     )
+
+
+def _surface(zone: Zone) -> str:
+    surface = zone.best.surface
+    return "" if surface.kind is SurfaceKind.UNKNOWN else f", {surface.text}"
 
 
 def geojson(report: Report) -> GeoJson:

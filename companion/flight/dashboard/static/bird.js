@@ -2,7 +2,7 @@
 
 import { amount, fitCanvas } from "./dom.js";
 import { rampColour } from "./paint.js";
-import { holds, pathOf, patternOf, STATE_STYLE, STYLE, styleOf, SURE_WORDS } from "./zones.js";
+import { holds, pathOf, patternsOf, STATE_STYLE, STYLE, styleOf, SURE_WORDS, surfaceWords } from "./zones.js";
 
 const FRAME_MS = 45;
 const [LEAST_SCALE, MOST_SCALE] = [0.15, 60]; // pixels a metre
@@ -212,8 +212,7 @@ export class BirdView {
         pen.globalAlpha = far ? 0.55 : 1;
         pen.fillStyle = style.fill;
         pen.fill(path, "evenodd");
-        const pattern = patternOf(pen, zone.sure);
-        if (pattern) {
+        for (const pattern of patternsOf(pen, zone)) {
           pattern.setTransform(new DOMMatrix().scale(r));
           pen.fillStyle = pattern;
           pen.fill(path, "evenodd");
@@ -261,7 +260,7 @@ export class BirdView {
       const [x, y] = this.place(zone.best[0], zone.best[1]);
       if (x < 0 || y < 0 || x > this._w || y > this._h) continue;
       if (zone.area_m2 * this._k * this._k < 900 * r * r && zone.rank > 4) continue;
-      const box = [x - 46 * r, y - 34 * r, x + 46 * r, y - 2 * r];
+      const box = [x - 46 * r, y - (surfaceWords(zone) ? 48 : 34) * r, x + 46 * r, y - 2 * r];
       if (taken.some((t) => box[0] < t[2] && box[2] > t[0] && box[1] < t[3] && box[3] > t[1])) continue;
       taken.push(box);
       pen.fillStyle = styleOf(zone).line;
@@ -271,7 +270,12 @@ export class BirdView {
       pen.arc(x, y, 3.2 * r, 0, 7);
       pen.fill();
       pen.stroke();
-      this._plate(pen, x, y - 8 * r, [`${zone.id}${suffix} · ${Math.round(zone.area_m2)} m²`, `${SURE_WORDS[zone.sure]} ${Math.round(100 * zone.certainty)} %`]);
+      const surface = surfaceWords(zone);
+      this._plate(pen, x, y - 8 * r, [
+        `${zone.id}${suffix} · ${Math.round(zone.area_m2)} m²`,
+        `${SURE_WORDS[zone.sure]} ${Math.round(100 * zone.certainty)} %`,
+        ...(surface ? [surface] : []),
+      ]);
     }
   }
 

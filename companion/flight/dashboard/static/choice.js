@@ -1,7 +1,7 @@
 // What is picked, what is under watch, and the orders.
 
 import { byId, el, headings, percent, setClass, shown, valueOf } from "./dom.js";
-import { STATE_STYLE, SURE_WORDS } from "./zones.js";
+import { STATE_STYLE, SURE_WORDS, surfaceWords } from "./zones.js";
 
 const NEAR_M = 0.05; // the point under watch is the picked one
 
@@ -130,6 +130,7 @@ export class Choice {
           ["Point", percent(zone.point_certainty, 1)],
           ["Distance", shown(this._away(zone.best), 0, "m")],
           ["Obstacles", String(zone.obstacles)],
+          ...this._surface(zone),
         ]),
         zone.why ? el("p", { text: `Ranked behind the zone before it: ${zone.why}` }) : null,
         far ? el("p", { text: "Seen from afar only: fly nearer before it can be landed at." }) : null,
@@ -170,12 +171,22 @@ export class Choice {
         ["Map", point.judged_by === "none" ? "–" : point.judged_by],
         ["Obstacles", `${point.obstacles.length}${point.obstacles.length === 40 ? "+" : ""}`],
         ["Nearest", nearest ? `${nearest.height_m.toFixed(1)} / ${nearest.distance_m.toFixed(0)} m` : "–"],
+        ...this._surface(point),
       ]),
     ];
   }
 
+  /** The surface with its probability, over both columns, and the suspicion of water. */
+  _surface(place) {
+    const words = surfaceWords(place) || place.surface;
+    return [
+      ["Water", percent(place.water, 1)],
+      ["Surface", words ? `${words}: ${percent(place.surface_probability)}` : "–", "wide"],
+    ];
+  }
+
   _facts(rows) {
-    return el("dl", { class: "facts" }, ...rows.map(([name, value]) => el("div", {}, el("dt", { text: name }), el("dd", { text: value }))));
+    return el("dl", { class: "facts" }, ...rows.map(([name, value, kind = ""]) => el("div", { class: kind }, el("dt", { text: name }), el("dd", { text: value }))));
   }
 
   _badge(kind, text) {

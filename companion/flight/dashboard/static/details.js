@@ -1,7 +1,7 @@
 // The tables beside the map: zones, messages, the program's own health.
 
 import { byId, el, fitCanvas, percent, setClass, shown } from "./dom.js";
-import { styleOf, SURE_WORDS } from "./zones.js";
+import { styleOf, SURE_WORDS, surfaceWords } from "./zones.js";
 
 const MOST_LATENCIES = 300;
 
@@ -51,12 +51,13 @@ export class Details {
         el("td", { text: percent(zone.certainty), title: SURE_WORDS[zone.sure] }),
         el("td", { text: shown(zone.square_m, 1) }),
         el("td", { text: shown(zone.slope_deg, 1) }),
+        el("td", { class: "words", text: surfaceWords(zone) || zone.surface || "–" }),
       );
       line.onclick = () => this.choice.pickZone(this.model.zone(zone.id) ?? zone);
       line.onkeydown = (event) => event.key === "Enter" && line.onclick();
       return line;
     };
-    const head = el("tr", {}, ...["Zone", "m²", "sure", "room m", "slope °"].map((text) => el("th", { text })));
+    const head = el("tr", {}, ...["Zone", "m²", "sure", "room m", "slope °", "surface"].map((text) => el("th", { text, class: text === "surface" && "words" })));
     const rows = [...this.model.near().map((z) => row(z, false)), ...this.model.far().map((z) => row(z, true))];
     const focused = document.activeElement?.dataset?.zone;
     byId("sheet-zones").replaceChildren(

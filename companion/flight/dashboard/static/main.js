@@ -12,7 +12,7 @@ import { ParameterSheet } from "./parameters.js";
 import { PilotView } from "./pilot.js";
 import { ReplayBar } from "./replay.js";
 import { Sheets } from "./sheets.js";
-import { patternOf, STATE_STYLE, STYLE } from "./zones.js";
+import { patternsOf, STATE_STYLE, STYLE } from "./zones.js";
 
 const model = new Model();
 const sheets = new Sheets(() => {});
@@ -53,6 +53,7 @@ setInterval(() => {
     due = false;
     for (const part of parts) part.update();
     surveyed.hidden = model.prior().length === 0;
+    for (const [surface, shown] of surfaces) shown.hidden = !model.allZones().some((zone) => zone.surface === surface);
   }
 }, 100);
 
@@ -118,12 +119,11 @@ function swatch(draw) {
   return canvas;
 }
 
-function area(style, sure) {
+function area(style, sure, surface = "") {
   return swatch((pen) => {
     pen.fillStyle = style.fill;
     pen.fillRect(0, 0, 52, 28);
-    const pattern = patternOf(pen, sure);
-    if (pattern) {
+    for (const pattern of patternsOf(pen, { sure, surface })) {
       pen.fillStyle = pattern;
       pen.fillRect(0, 0, 52, 28);
     }
@@ -154,6 +154,7 @@ const dotted = swatch((pen) => {
   pen.strokeRect(2, 2, 48, 24);
 });
 const surveyed = entry(dotted, "safe when surveyed");
+const surfaces = ["roof", "low vegetation"].map((surface) => [surface, entry(area(STYLE.certain, "certain", surface), surface)]);
 byId("legend").append(
   ...[
     [area(STYLE.largest, "certain"), "largest zone"],
@@ -163,6 +164,7 @@ byId("legend").append(
     [unsafe, "landing point unsafe"],
     [dark, "never seen"],
   ].map((each) => entry(...each)),
+  ...surfaces.map(([, shown]) => shown),
   surveyed,
 );
 

@@ -3,7 +3,7 @@
 import { fitCanvas } from "./dom.js";
 import { add, drawsInSoftware, looking, multiply, perspective, program, project } from "./gl.js";
 import { Terrain } from "./terrain.js";
-import { STATE_STYLE, styleOf } from "./zones.js";
+import { STATE_STYLE, styleOf, surfaceWords } from "./zones.js";
 
 const FRAME_MS = 60;
 const SKY = [0.36, 0.45, 0.55];
@@ -312,7 +312,7 @@ export class PilotView {
     }
     for (const zone of this.model.near()) {
       if (zone.id === point?.zone) continue;
-      label([zone.best[0], zone.best[1], zone.best[2] + 1], `${zone.id} · ${Math.round(zone.area_m2)} m²`, styleOf(zone).line);
+      label([zone.best[0], zone.best[1], zone.best[2] + 1], [`${zone.id} · ${Math.round(zone.area_m2)} m²`, surfaceWords(zone)].filter(Boolean).join(" · "), styleOf(zone).line);
     }
   }
 

@@ -1,7 +1,7 @@
 // The ground in space: each block a mesh with the painted map and the zones draped over it.
 
 import { program } from "./gl.js";
-import { pathOf, patternOf, styleOf } from "./zones.js";
+import { pathOf, patternsOf, styleOf } from "./zones.js";
 
 const TEXELS = 512;
 const PAINT_MS = 900;
@@ -128,8 +128,7 @@ export class Terrain {
       const style = styleOf(zone);
       pen.fillStyle = style.fill;
       pen.fill(path, "evenodd");
-      const pattern = patternOf(pen, zone.sure);
-      if (pattern) {
+      for (const pattern of patternsOf(pen, zone)) {
         pen.fillStyle = pattern;
         pen.fill(path, "evenodd");
       }

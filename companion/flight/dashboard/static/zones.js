@@ -43,6 +43,55 @@ export function patternOf(context, sure) {
   return context.createPattern(patterns.get(sure), "repeat");
 }
 
+const SURFACE_PENS = {
+  // Bricks: rows of stones, each shifted by half a stone.
+  roof: (pen) => {
+    pen.strokeStyle = "rgba(255, 255, 255, 0.85)";
+    pen.lineWidth = 1.6;
+    for (const [x0, y0, x1, y1] of [[0, 1, 20, 1], [0, 11, 20, 11], [5, 1, 5, 11], [15, 11, 15, 20]]) {
+      pen.moveTo(x0, y0);
+      pen.lineTo(x1, y1);
+    }
+  },
+  // Tufts of three blades.
+  "low vegetation": (pen) => {
+    pen.strokeStyle = "rgba(255, 246, 190, 0.95)";
+    pen.lineWidth = 1.6;
+    for (const [x, y] of [[5, 9], [15, 19]]) {
+      for (const lean of [-4, 0, 4]) {
+        pen.moveTo(x, y);
+        pen.lineTo(x + lean, y - 7);
+      }
+    }
+  },
+};
+const SURFACE_TILE = 20;
+
+/** Pattern of a surface that needs a confirmation: bricks for roofs, tufts for low vegetation, else none. */
+export function surfacePatternOf(context, surface) {
+  const draw = SURFACE_PENS[surface];
+  if (!draw) return null;
+  if (!patterns.has(surface)) {
+    const tile = document.createElement("canvas");
+    tile.width = tile.height = SURFACE_TILE;
+    const pen = tile.getContext("2d");
+    draw(pen);
+    pen.stroke();
+    patterns.set(surface, tile);
+  }
+  return context.createPattern(patterns.get(surface), "repeat");
+}
+
+/** Patterns over a zone, in the order in which they are drawn. */
+export const patternsOf = (context, zone) =>
+  [patternOf(context, zone.sure), surfacePatternOf(context, zone.surface)].filter(Boolean);
+
+/** A surface in words, a roof with its height; empty where it is bare ground or unknown. */
+export function surfaceWords({ surface, raised_m: raised }) {
+  if (!surface || surface === "bare ground") return "";
+  return raised ? `${surface}, ${Math.round(raised)} m up` : surface;
+}
+
 /** The zone's area as a path: rings of east, north ... in centimetres, put on the screen by `place`. */
 export function pathOf(zone, place) {
   const path = new Path2D();

@@ -23,7 +23,7 @@ QUIET: dict[str, Any] = {
     "pipeline_failed": False,
     "blocked": False,
 }
-SAFE = {"state": "safe", "judged_by": "near"}
+SAFE = {"state": "safe", "judged_by": "near", "may_be_water": False}
 
 
 def keys(state: dict[str, Any], selected: dict[str, Any] | None = None) -> list[str]:
@@ -35,7 +35,7 @@ def test_all_well_is_quiet() -> None:
 
 
 def test_an_unsafe_landing_point_comes_first() -> None:
-    found = active_alarms({**QUIET, "lidar_ok": False}, {"state": "unsafe", "judged_by": "near"})
+    found = active_alarms({**QUIET, "lidar_ok": False}, {**SAFE, "state": "unsafe"})
     assert [(alarm["level"], alarm["key"]) for alarm in found] == [
         ("critical", "point-unsafe"),
         ("critical", "no-lidar"),
@@ -43,7 +43,20 @@ def test_an_unsafe_landing_point_comes_first() -> None:
 
 
 def test_a_point_that_nobody_has_seen_is_a_warning() -> None:
-    assert active_alarms(QUIET, {"state": "unknown", "judged_by": "none"})[0]["level"] == "warning"
+    assert active_alarms(QUIET, {**SAFE, "state": "unknown", "judged_by": "none"})[0]["level"] == "warning"
+
+
+@pytest.mark.parametrize(
+    ("selected", "text"),
+    [
+        ({"state": "unsafe"}, "LANDING POINT UNSAFE"),
+        ({"state": "unsafe", "may_be_water": True}, "LANDING POINT UNSAFE: may be water"),
+        ({"state": "unknown"}, "Landing point not judged: nothing seen there"),
+        ({"state": "unknown", "may_be_water": True}, "Landing point not judged: may be water"),
+    ],
+)
+def test_a_point_that_may_be_water_is_called_so(selected: dict[str, Any], text: str) -> None:
+    assert [alarm["text"] for alarm in active_alarms(QUIET, SAFE | selected)] == [text]
 
 
 @pytest.mark.parametrize(

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 import params
 from companion.flight.dashboard import zone_shapes
 from companion.flight.dashboard.zone_shapes import ZoneShapes, certainty_class
 from companion.flight.outputs.zone_outline import zone_polygon
-from slz import Report
+from slz import Report, SurfaceHere, SurfaceKind
 from tests.unit.companion.flight.landing.flight import Flight, zone
 
 
@@ -55,3 +56,19 @@ def test_outlines_of_zones_long_gone_are_forgotten(
     for ids in ((1, 2), (1, 3), (1, 2)):  # 2 was not looked at for longer than 1
         pictures.document(report(*ids), parameters)
     assert outlined == [1, 2, 3, 2]
+
+
+def test_zones_and_the_landing_point_say_what_their_ground_is() -> None:
+    roof = SurfaceHere(SurfaceKind.ROOF, 0.991, 0.04, 25.22)
+    flight = Flight([zone(1, 5.0, 0.0, surface=roof), zone(2, 50.0, 0.0)])
+    flight.selected, parameters = np.array([5.0, 0.0, 0.0]), params.load()
+    found = flight.situation().report
+    assert found is not None
+    document = ZoneShapes().document(found, parameters)
+    known = {"surface": "roof", "surface_probability": 0.991, "water": 0.04, "raised_m": 25.2}
+    for place in (document["near"][0], document["selected"]):
+        assert {name: place[name] for name in known} == known
+    assert {name: document["near"][1][name] for name in known} == dict.fromkeys(known)
+    assert document["selected"]["may_be_water"] is False
+    wet = ZoneShapes().document(found, params.load("quadcopter", ["water_suspicion=0.03"]))
+    assert wet["selected"]["may_be_water"] is True
