@@ -19,6 +19,7 @@ from slz.method import Method, MethodResult, ResolutionMap
 from slz.prior import Source as PriorSource
 from slz.report import MapReport, Report
 from slz.stage_clock import StageClock
+from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 from slz.terrain.changes import Drawn, read_changes
 from slz.terrain.layers import Output, reaching
 from slz.terrain.terrain_maps import UNKNOWN, TerrainMaps
@@ -151,6 +152,13 @@ class Pipeline:
         """Return 0 unsafe, 1 safe, 255 unknown for a box of a map's grid; all unknown before any window."""
         found = self._map(far=which == "far")
         return np.full(box.shape, UNKNOWN, np.uint8) if found is None else found.terrain.state(box)
+
+    def surface_at(self, enu_m: NDArray[np.float64]) -> SurfaceHere:
+        """Return the surface under a vehicle at a point (3,); unknown before any window, and at NaN."""
+        near, p = self._map(far=False), self._parameters
+        if near is None or not is_known(enu_m):
+            return UNKNOWN_SURFACE
+        return near.terrain.surface_at(enu_m, p.touchdown_error_m + p.footprint_m / 2)
 
     def maps(
         self,

@@ -104,6 +104,7 @@ class SituationSource:
             switched=_is_recent(health.switched_ns, now, SWITCHED_NS),
             fit=self._fitness.fit,
             heading_rad=None if pose is None else heading_rad(pose.rotation_enu_from_frd),
+            below=self._worker.below,
         )
 
     def fresh_report(self) -> Report | None:

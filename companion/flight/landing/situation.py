@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from slz import Report, SelectedPoint, SurfaceKind
+from slz import Report, SelectedPoint, SurfaceHere, SurfaceKind
+from slz.surface.surface_kinds import UNKNOWN_SURFACE
 
 Vector = NDArray[np.float64]
 STOPPED: Vector = np.zeros(3)  # setpoint of a vehicle that holds its position
@@ -57,7 +58,7 @@ class Situation:
     the failsafe. target_lost_ns: last time at which the autopilot reported the landing target lost.
     sticks_us: the pilot's roll and pitch stick, None if not seen. switched: a switch of the pilot's
     transmitter moved within the last seconds. fit: the autopilot is known to be set up for a landing.
-    heading_rad: of the nose, clockwise from north.
+    heading_rad: of the nose, clockwise from north. below: surface of the ground under the vehicle.
     """
 
     now_ns: int
@@ -88,6 +89,7 @@ class Situation:
     switched: bool = False
     fit: bool = True
     heading_rad: float | None = None
+    below: SurfaceHere = UNKNOWN_SURFACE
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,6 +26,7 @@ from companion.runtime.ring_buffer import RingBuffer
 from params import Parameters
 from slz import Pipeline, Report, Scan, TerrainMaps, Window, Windower
 from slz.prior import Source as PriorSource
+from slz.surface.surface_kinds import UNKNOWN_SURFACE
 from slz.warm_up import warm_up
 
 log = logging.getLogger(__name__)
@@ -50,6 +51,8 @@ class PipelineWorker:
     ----------
     failed, late
         Windows whose report was withdrawn; windows and reports that were too old.
+    below
+        Surface of the ground under the sensor after the last window.
     on_invalid
         Event of the first failed report after a success, with the reason.
     on_window
@@ -84,6 +87,7 @@ class PipelineWorker:
         self._forget = False
         self.on_invalid: Event[[str]] = Event()
         self.invalid = False
+        self.below = UNKNOWN_SURFACE
         self.failed = 0
         self.late = 0
         self._busy_since_s: float | None = None
@@ -118,6 +122,7 @@ class PipelineWorker:
     def reset(self) -> None:
         """Drop map and selection: the position estimate moved, and both are misplaced."""
         self._forget = True
+        self.below = UNKNOWN_SURFACE
         self._select = []
         self._waiting = None
         self._numbers = []
@@ -222,6 +227,7 @@ class PipelineWorker:
             self._pipeline.select(point)
         report = self._pipeline.process(window)
         self._invariants.check(report, self._pipeline, round(time_s() * 1e9))
+        self.below = self._pipeline.surface_at(window.sensor_enu_m)
         return report
 
     def close(self) -> TerrainMaps | None:

@@ -27,6 +27,7 @@ SOURCES = (
     "companion/desk/replay/replay_page.py",
     "companion/flight/landing/closer_look.py",
     "companion/flight/landing/executive.py",
+    "companion/flight/landing/oblique_look.py",
     "companion/flight/landing/landing_state.py",
     "companion/flight/landing/interruptions/withdrawal.py",
     "companion/flight/landing/interruptions/low_battery.py",

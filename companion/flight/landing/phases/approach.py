@@ -1,7 +1,11 @@
-"""Phase approach: fly over the point, look closer and turn; stay until it has been safe for two seconds."""
+"""Phase approach: fly over the point, look from aside or closer, and turn.
+
+It ends when the vehicle has been over the point, and the point safe, for two seconds.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +14,7 @@ from companion.flight.landing.closer_look import LOOK_MS, CloserLook
 from companion.flight.landing.confirmation import ground_at
 from companion.flight.landing.interruptions.missing_input import without_lidar
 from companion.flight.landing.landing_state import SECOND, LandingState
+from companion.flight.landing.oblique_look import ObliqueLook
 from companion.flight.landing.route import TURN_M, Way
 from companion.flight.landing.situation import (
     STOPPED,
@@ -26,6 +31,7 @@ from slz import PointState, SurfaceHere, SurfaceKind
 
 STEADY_NS = 2 * SECOND  # point safe before the descent
 UNSEEN_NS = 30 * SECOND  # over a point that stays unknown
+WATER_NS = 5 * SECOND  # over a point that stays unknown because it may be water, after the look from aside
 OVER_M, OVER_MS = 1.0, 0.5  # distance and speed of a vehicle that is over the point
 
 
@@ -34,7 +40,7 @@ class Approach:
 
     def __init__(self, state: LandingState) -> None:
         self._state = state
-        self._look = CloserLook(state)
+        self._aside, self._closer = ObliqueLook(state), CloserLook(state)
         self._over_since_ns: int | None = None  # over the point, in this approach
         self._warned = False  # of the surface
 
@@ -46,7 +52,8 @@ class Approach:
         state.tally.zone_id, state.tally.chosen_enu_m = zone_id, state.aim.enu_m
         state.selection.select(state.aim.enu_m)
         self._over_since_ns = state.safe_since_ns = None
-        self._look.reset()
+        self._aside.reset()
+        self._closer.reset()
         self._warned = False
         ground = ground_at(s, known(state.aim.enu_m), zone_id)
         named = ground if zone_id is not None else replace(ground, zone_id=None)
@@ -74,7 +81,7 @@ class Approach:
             return state.break_off(f"{unconfirmed}: not confirmed", s)
         if s.selected is not None and state.aim.is_at(s.selected):
             self._warn_of(s.selected.surface)
-        look = self._look.offset(s) if self._over_since_ns and judged is PointState.SAFE else None
+        look, look_ms = self._look(s, judged)
         if look is not None:
             self._over_since_ns = s.now_ns
         stands = judged is PointState.SAFE and stands_at(s.selected, s.heading_rad)
@@ -85,7 +92,8 @@ class Approach:
         elif s.now_ns - state.safe_since_ns > STEADY_NS:
             state.say(Severity.INFO, "descending")
             state.go(Phase.DESCEND, s)
-        unseen = self._over_since_ns is not None and s.now_ns - self._over_since_ns > UNSEEN_NS
+        patience_ns = WATER_NS if state.may_be_water(s) else UNSEEN_NS
+        unseen = self._over_since_ns is not None and s.now_ns - self._over_since_ns > patience_ns
         if over and judged is PointState.UNKNOWN and unseen:
             return state.break_off("point not seen" + state.water_suffix(s), s)
         if state.way(s) is Way.TOO_HIGH:
@@ -94,11 +102,23 @@ class Approach:
             return state.break_off("point not reached", s)
         speed_ms = state.parameters.approach_speed_ms
         if look is not None:
-            return state.route.commands_towards(position, look, min(LOOK_MS, speed_ms))
+            return state.route.commands_towards(position, look, min(look_ms, speed_ms))
         commands = state.route.commands_towards(position, offset, speed_ms)
         if state.aim.away_m < TURN_M and judged is PointState.SAFE:
             return replace(commands, yaw_rad=touchdown_heading_rad(s.selected, s.heading_rad))
         return commands
+
+    def _look(self, s: Situation, judged: PointState) -> tuple[Vector | None, float]:
+        """Return the offset (2,) and the greatest speed of a look at the point, which it was over before."""
+        state = self._state
+        if self._over_since_ns is None:
+            return None, math.inf
+        if s.selected is not None and state.aim.is_at(s.selected):
+            target = state.aim.on_ground_enu_m
+            aside = self._aside.offset(s, target, s.selected.surface, state.aim.height_left_m)
+            if aside is not None:
+                return aside, math.inf
+        return self._closer.offset(s) if judged is PointState.SAFE else None, LOOK_MS
 
     def _warn_of(self, surface: SurfaceHere) -> None:
         """Warn once of ground that only an urgent landing takes without a confirmation."""

@@ -2,15 +2,27 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from companion.flight.landing.interruptions.missing_input import without_lidar
 from companion.flight.landing.landing_state import SECOND, LandingState
+from companion.flight.landing.oblique_look import ObliqueLook
 from companion.flight.landing.phases.approach import Approach
-from companion.flight.landing.situation import STOPPED, Phase, Severity, Situation, VehicleCommands, known
+from companion.flight.landing.situation import (
+    STOPPED,
+    Phase,
+    Severity,
+    Situation,
+    Vector,
+    VehicleCommands,
+    known,
+)
 from companion.flight.landing.zone_choice import choose, confirmable, look_at
-from slz import Zone
+from slz import SurfaceHere, Zone
 
 SEARCH_NS = 300 * SECOND  # beyond `survey_s`, before the pilot is called
 ASK_AGAIN_NS = 30 * SECOND  # for the confirmation of a zone
+MOST_LOOKS, APART_M = 3, 50.0  # from aside, in one survey, and between them
 TAKE_OVER_NS = 5 * SECOND  # limit for the autopilot to obey an emergency
 
 
@@ -20,6 +32,9 @@ class Survey:
     def __init__(self, state: LandingState, approach: Approach) -> None:
         self._state, self._approach = state, approach
         self._asked_ns: int | None = None
+        self._aside = ObliqueLook(state)
+        self._looked: list[tuple[Vector, SurfaceHere]] = []  # places in this survey, and their surface then
+        self._looked_since_ns = 0
 
     def commands(self, s: Situation) -> VehicleCommands:
         """Fly to the next corner of the search, or approach the zone that is chosen now."""
@@ -43,6 +58,9 @@ class Survey:
             state.go(Phase.HOLD, s)
             return VehicleCommands(velocity_enu_ms=STOPPED)
         position = known(s.position_enu_m)
+        aside = self._look_aside(s)
+        if aside is not None:
+            return state.route.commands_towards(position, aside, state.parameters.approach_speed_ms)
         offset = state.route.to_corner(position, state.way(s))
         return state.route.commands_towards(position, offset, state.parameters.survey_speed_ms)
 
@@ -72,6 +90,29 @@ class Survey:
 
     def _has_lasted(self, s: Situation) -> bool:
         return s.now_ns - self._state.since_ns >= self._state.parameters.survey_s * 1e9
+
+    def _look_aside(self, s: Situation) -> Vector | None:
+        """Return the offset (2,) of a look from aside at ground below that may be water and is no zone."""
+        if s.report is None or not self._has_lasted(s):
+            return None
+        if self._looked_since_ns != self._state.since_ns:
+            self._looked_since_ns = self._state.since_ns
+            self._looked.clear()
+            self._aside.reset()
+        height_m = s.report.choice.height_m
+        if self._aside.is_under_way:
+            return self._aside.offset(s, *self._looked[-1], height_m)
+        position = known(s.position_enu_m)
+        row, col = s.report.grid.index(float(position[0]), float(position[1]))
+        if len(self._looked) == MOST_LOOKS or any(zone.holds(row, col) for zone in s.report.zones):
+            return None
+        if any(np.hypot(*(position - place)[:2]) < APART_M for place, _ in self._looked):
+            return None
+        self._aside.reset()
+        offset = self._aside.offset(s, position.copy(), s.below, height_m)
+        if offset is not None:
+            self._looked.append((position.copy(), s.below))
+        return offset
 
     def _ask(self, s: Situation) -> None:
         """Ask the pilot now and then to confirm a zone, where no other was found in the survey."""

@@ -102,6 +102,7 @@ class Flight:
         self.heading_deg: float | None = 0.0
         self.footing = ANY_FOOTING
         self.turns = True
+        self.below = UNKNOWN_SURFACE
         self.surface: Callable[[np.ndarray], SurfaceHere] = self.surface_of_zone
 
     @property
@@ -148,6 +149,7 @@ class Flight:
             sticks_us=self.sticks_us,
             switched=self.switched,
             heading_rad=None if self.heading_deg is None else math.radians(self.heading_deg),
+            below=self.below,
         )
 
     def surface_of_zone(self, point: np.ndarray) -> SurfaceHere:
