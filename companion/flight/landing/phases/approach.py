@@ -10,11 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.flight.landing.closer_look import LOOK_MS, CloserLook
 from companion.flight.landing.confirmation import ground_at
 from companion.flight.landing.interruptions.missing_input import without_lidar
 from companion.flight.landing.landing_state import SECOND, LandingState
-from companion.flight.landing.oblique_look import ObliqueLook
+from companion.flight.landing.looks.closer_look import LOOK_MS, CloserLook
+from companion.flight.landing.looks.oblique_look import ObliqueLook
 from companion.flight.landing.route import TURN_M, Way
 from companion.flight.landing.situation import (
     STOPPED,

@@ -6,7 +6,7 @@ import numpy as np
 
 from companion.flight.landing.interruptions.missing_input import without_lidar
 from companion.flight.landing.landing_state import SECOND, LandingState
-from companion.flight.landing.oblique_look import ObliqueLook
+from companion.flight.landing.looks.oblique_look import ObliqueLook
 from companion.flight.landing.phases.approach import Approach
 from companion.flight.landing.situation import (
     STOPPED,

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from companion.flight.landing.oblique_look import FARTHEST_M, LOOK_NS
+from companion.flight.landing.looks.oblique_look import FARTHEST_M, LOOK_NS
 from slz import PointState, SurfaceHere, SurfaceKind
 from slz.terrain.footing import Footing
 from tests.unit.companion.flight.landing.flight import Flight, Phase, zone

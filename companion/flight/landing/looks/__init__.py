@@ -1,0 +1,1 @@
+"""Looks at the landing point from other places than above it, before the descent."""
