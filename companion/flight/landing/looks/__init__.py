@@ -1,1 +1,0 @@
-"""Looks at the landing point from other places than above it, before the descent."""
