@@ -134,7 +134,9 @@ class Ouster(PulseLidar):
             second = np.where(second_is_last, e.behind_bright, e.other_bright)
             pairs.append((np.where(second_m == e.range_m, 0.0, second_m), second))
         returns = [(m.reshape(shape), _reflectivity(m, bright).reshape(shape)) for m, bright in pairs]
-        return encode_packet(self._layout, frame, first, stamps_ns, returns)
+        traced = self.is_traced(firsts)
+        valid = True if traced is None else traced  # the others tell nothing of their rays
+        return encode_packet(self._layout, frame, first, stamps_ns, returns, valid)
 
 
 def _reflectivity(range_m: F64, bright: F64) -> NDArray[np.uint8]:

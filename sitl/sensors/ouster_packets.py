@@ -84,6 +84,7 @@ def encode_packet(
     first_column: int,
     stamps_ns: I64,
     returns: Sequence[tuple[F64, U8]],
+    valid: Sequence[bool] | NDArray[np.bool_] | bool = True,
 ) -> bytes:
     """Encode one packet.
 
@@ -98,6 +99,8 @@ def encode_packet(
     returns
         One or two (range in m, reflectivity), the strongest first, each (16, rows) with the highest row
         first; a range of zero is no return.
+    valid
+        (16,), whether the columns were measured.
     """
     packet = np.zeros((), layout)
     packet["packet_type"], packet["frame_id"] = 1, frame % 65_536
@@ -106,7 +109,7 @@ def encode_packet(
     columns = packet["columns"]
     columns["timestamp"] = stamps_ns
     columns["measurement_id"] = first_column + np.arange(PACKET_COLUMNS)
-    columns["status"] = 1
+    columns["status"] = valid
     for (range_m, reflectivity), suffix in zip(returns, ("", "2"), strict=False):
         mm = np.maximum(np.rint(range_m * 1000.0), 0)
         columns["pixels"][f"range{suffix}"] = np.where(mm > MOST_MM, 0, mm)

@@ -158,6 +158,10 @@ class PulseLidar(ABC):
         """Return the mask of pulses traced into the world, the others get no return; None for all."""
         return None
 
+    def is_sent(self, first: int) -> bool:
+        """Return whether the packet that begins with a pulse is sent."""
+        return True
+
     # ---- use ------------------------------------------------------------------------------------
 
     def scan(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> list[bytes]:
@@ -315,7 +319,8 @@ class PulseLidar(ABC):
             return []
         size = self.pulses_per_packet
         count = len(self._pending) // size
-        packets = [self.encode(self._pending[slice(k * size, (k + 1) * size)]) for k in range(count)]
+        full = (self._pending[slice(k * size, (k + 1) * size)] for k in range(count))
+        packets = [self.encode(shots) for shots in full if self.is_sent(int(shots.index[0]))]
         if count:
             self._pending = self._pending[slice(count * size, None)]
         return packets

@@ -42,8 +42,8 @@ class Vlp16(PulseLidar):
     rng, mount, clock, noise
         See ``PulseLidar``; by default mounted with its axis forward, so that it looks down and to both sides.
     point_rate_hz
-        Pulses per second that are traced into the world, in whole firing sequences; the sensor fires 289 352,
-        and the others find nothing. None traces all.
+        Pulses per second that are traced into the world; the sensor fires 289 352. The packets of the others
+        are not sent, because they would tell of rays that came to nothing. None traces all.
     mode
         Strongest return, last return, or both: the last, and the strongest or second strongest.
     """
@@ -66,7 +66,7 @@ class Vlp16(PulseLidar):
 
     @property
     def group(self) -> int:
-        return CHANNELS
+        return CHANNELS if self._every == 1 else self.pulses_per_packet
 
     def fired_ns(self, index: I64) -> I64:
         return index // LASERS * SEQUENCE_NS + index % LASERS * LASER_NS
@@ -90,7 +90,10 @@ class Vlp16(PulseLidar):
         return np.column_stack([np.zeros((len(index), 2)), up])
 
     def is_traced(self, index: I64) -> NDArray[np.bool_] | None:
-        return None if self._every == 1 else index // LASERS % self._every == 0
+        return None if self._every == 1 else index // self.pulses_per_packet % self._every == 0
+
+    def is_sent(self, first: int) -> bool:
+        return first // self.pulses_per_packet % self._every == 0
 
     def encode(self, shots: Shots) -> bytes:
         shape = (self._blocks, CHANNELS)

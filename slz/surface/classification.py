@@ -14,6 +14,7 @@ from slz.surface.survey_classes import SurveyClasses
 from slz.surface.vanishing_returns import vanishing_returns
 
 SCORE_WATER = -4.7  # log odds of water before any evidence
+MOST_ACQUITTAL = -0.5  # log odds, of an extent over which returns vanish
 # Water has no gradient; ground whose plane is clean has the one told.
 GRADIENTS, SCORES_SLOPING = (0.004, 0.01, 0.02), (0.0, -3.5, -5.0)
 WINDOW, SIGMAS = 1.4, 2.5  # standard deviation of places in a plane's window, in cells; standard errors
@@ -27,7 +28,10 @@ LIKELIEST = np.array(
 def classify(cells: SurfaceCells, classes: SurveyClasses | None = None) -> SurfaceLayers:
     """Tell the kinds of surface of a box of cells; classes: what the maker of a survey said, if any."""
     extents, plateaus, plants = level_extents(cells), raised_plateaus(cells), penetration(cells)
-    log_odds = SCORE_WATER + extents.evidence() + vanishing_returns(cells, extents)
+    vanishing = vanishing_returns(cells, extents)
+    # Around a strip of water that answered lies more of it, as even as ground: shape acquits it of little.
+    shape = np.where(vanishing > 0, np.maximum(extents.evidence(), MOST_ACQUITTAL), extents.evidence())
+    log_odds = SCORE_WATER + shape + vanishing
     log_odds += _sloping(cells)
     there = cells.seen | (extents.labels > 0)
     water = np.where(there, _probability(log_odds), 0)

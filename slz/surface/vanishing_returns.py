@@ -42,8 +42,7 @@ def vanishing_returns(cells: SurfaceCells, extents: LevelExtents) -> Floats:
         near = _by_chance_left_out(box_sums(rays, AROUND))
         by_oblique = _score(near[0], near[1], FEWEST_AROUND, OBLIQUE_SHARES, OBLIQUE_SCORES)
         by_slanted = _score(near[2], near[3], FEWEST_AROUND, SLANTED_SHARES, SLANTED_SCORES)
-        by_slanted = np.where(slanted + lost_slanted >= FEWEST_RAYS, own, by_slanted)
-        suspect = np.maximum(np.maximum(by_slanted, by_oblique), 0)
+        suspect = np.maximum(np.maximum(own, by_slanted), np.maximum(by_oblique, 0))
         score = np.where(silent, suspect, score)  # dry neighbours do not make a pond dry
     level = extents.labels > 0
     if (silent & level).any() and oblique.any():

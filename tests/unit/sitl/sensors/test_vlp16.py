@@ -77,18 +77,10 @@ def test_in_dual_mode_a_packet_spans_half_the_time_and_dust_is_the_second_strong
     assert dust.sum() / (far > 0).sum() == pytest.approx(0.05, abs=0.02)
 
 
-def test_at_a_lower_rate_whole_sequences_see_nothing_and_the_packets_stay() -> None:
+def test_at_a_lower_rate_packets_stay_away_whole() -> None:
+    """A packet with rays that were not traced would tell of rays that came to nothing."""
     full = lidar().scan(0, 100 * MS, hover(), flat_world())
-    thin = lidar(point_rate_hz=50_000).scan(0, 100 * MS, hover(), flat_world())
-    assert len(thin) == len(full)
-    seen, all_seen = (
-        np.array([np.frombuffer(p, PACKET)[0] for p in packets])["blocks"]["channels"]["distance"].reshape(
-            -1, 16
-        )
-        for packets in (thin, full)
-    )
-    np.testing.assert_array_equal(seen[::6], all_seen[::6])
-    assert not np.delete(seen, np.s_[::6], axis=0).any()
+    assert lidar(point_rate_hz=50_000).scan(0, 100 * MS, hover(), flat_world()) == full[::6]
 
 
 def test_switched_on_again_it_begins_with_a_whole_sequence() -> None:
