@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slz.surface.level_extents import level_extents
 from slz.surface.penetration import DEPTH_M, penetration
@@ -15,6 +16,7 @@ from slz.surface.vanishing_returns import vanishing_returns
 
 SCORE_WATER = -4.7  # log odds of water before any evidence
 MOST_ACQUITTAL = -0.5  # log odds, of an extent over which returns vanish
+CLEAR, LEAST_SLOPING = 4.0, -3.4  # vanishing returns that outweigh a gradient of few returns
 # Water has no gradient; ground whose plane is clean has the one told.
 GRADIENTS, SCORES_SLOPING = (0.004, 0.01, 0.02), (0.0, -3.5, -5.0)
 WINDOW, SIGMAS = 1.4, 2.5  # standard deviation of places in a plane's window, in cells; standard errors
@@ -25,14 +27,26 @@ LIKELIEST = np.array(
 )
 
 
-def classify(cells: SurfaceCells, classes: SurveyClasses | None = None) -> SurfaceLayers:
-    """Tell the kinds of surface of a box of cells; classes: what the maker of a survey said, if any."""
+def classify(
+    cells: SurfaceCells, classes: SurveyClasses | None = None, shape: Floats | None = None
+) -> SurfaceLayers:
+    """Tell the kinds of surface of a box of cells.
+
+    Parameters
+    ----------
+    classes
+        What the maker of a survey said, if any.
+    shape
+        (rows, cols) SHAPE as told before with more of the surroundings, 0 for none.
+    """
     extents, plateaus, plants = level_extents(cells), raised_plateaus(cells), penetration(cells)
     vanishing = vanishing_returns(cells, extents)
     # Around a strip of water that answered lies more of it, as even as ground: shape acquits it of little.
-    shape = np.where(vanishing > 0, np.maximum(extents.evidence(), MOST_ACQUITTAL), extents.evidence())
-    log_odds = SCORE_WATER + shape + vanishing
-    log_odds += _sloping(cells)
+    level = extents.evidence()
+    if shape is not None:
+        level = np.where(shape != 0, np.maximum(level, shape), level)
+    log_odds = SCORE_WATER + np.where(vanishing > 0, np.maximum(level, MOST_ACQUITTAL), level) + vanishing
+    log_odds += np.where(vanishing > CLEAR, np.maximum(_sloping(cells), LEAST_SLOPING), _sloping(cells))
     there = cells.seen | (extents.labels > 0)
     water = np.where(there, _probability(log_odds), 0)
     for_plants, for_roof = plants.log_odds, plateaus.log_odds
@@ -47,7 +61,7 @@ def classify(cells: SurfaceCells, classes: SurveyClasses | None = None) -> Surfa
     bare = np.where(cells.seen & (cells.n_around >= FEWEST_RETURNS), 1 - parts.sum(axis=0), 0)
     likelihood = np.concatenate([parts, bare[np.newaxis]])
     kind = np.where(likelihood.max(axis=0) > 0.5, LIKELIEST[likelihood.argmax(axis=0)], SurfaceKind.UNKNOWN)
-    return SurfaceLayers(np.stack([*parts, plateaus.raised_m, kind]).astype(np.float32))
+    return SurfaceLayers(np.stack([*parts, plateaus.raised_m, kind, level]).astype(np.float32))
 
 
 def _sloping(cells: SurfaceCells) -> Floats:
@@ -60,5 +74,5 @@ def _sloping(cells: SurfaceCells) -> Floats:
     return score
 
 
-def _probability(log_odds: Floats) -> Floats:
+def _probability(log_odds: NDArray[np.floating]) -> Floats:
     return np.asarray(1 / (1 + np.exp(-np.clip(log_odds, -30, 30))), np.float32)

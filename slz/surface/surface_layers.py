@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere, SurfaceKind
 
-N_LAYERS = 6
-WATER, ROOF, LOW_VEGETATION, CANOPY, RAISED, KIND = range(N_LAYERS)
+N_LAYERS = 7
+WATER, ROOF, LOW_VEGETATION, CANOPY, RAISED, KIND, SHAPE = range(N_LAYERS)
 PROBABLE = {
     SurfaceKind.WATER: WATER,
     SurfaceKind.ROOF: ROOF,
@@ -26,7 +26,7 @@ class SurfaceLayers:
 
     values: (N_LAYERS, rows, cols) float32. WATER to CANOPY: probabilities, 0 where nothing was seen; the rest
     is bare ground, where enough was seen. RAISED: height of a roof over the ground around (m). KIND: the
-    likeliest `SurfaceKind`.
+    likeliest `SurfaceKind`. SHAPE: log odds for water that the level extent of the cell gives, 0 for none.
     """
 
     values: NDArray[np.float32]

@@ -17,13 +17,14 @@ from slz.kernels.surface.surface_record import COUNT, SURFACE_FIELDS, TIME
 from slz.surface.classification import classify
 from slz.surface.surface_cells import SurfaceCells
 from slz.surface.surface_kinds import SurfaceHere
-from slz.surface.surface_layers import N_LAYERS, SurfaceLayers
+from slz.surface.surface_layers import N_LAYERS, SHAPE, SurfaceLayers
 
 Key = tuple[int, int]
 Edges = tuple[float, float, float, float]
 Points = NDArray[np.float64]
 CELL_M = 1.0  # least side of a surface cell
-AROUND_M = 20.0  # beyond the returns of a window, within which cells are classified with them
+AROUND_M = 16.0  # beyond the returns of a window, within which cells are classified with them
+EVERY, FAR_AROUND_M = 4, 60.0  # updates, after which shores farther off are looked for
 PART_M = 1024.0  # side of a square that is classified at a time
 SHARE = 1 / 20  # of the memory for evidence
 TILE_BYTES = SIDE * SIDE * 4 * (SURFACE_FIELDS + N_LAYERS)
@@ -76,6 +77,7 @@ class SurfaceMap:
         self._pool = np.zeros((capacity, SIDE, SIDE, SURFACE_FIELDS), np.float32)
         self._layers = np.zeros((capacity, N_LAYERS, SIDE, SIDE), np.float32)
         self._n_refused = np.zeros(capacity, np.int64)
+        self._n_updates = 0
         self._slot: dict[Key, int] = {}
         self._last_s: dict[Key, float] = {}
         self._free = list(range(capacity))[::-1]
@@ -127,7 +129,10 @@ class SurfaceMap:
                 signal.lost_enu_m, signal.lost_origin_enu_m, signal.lost_weight,
                 ground_m, west, south, self.cell_m, table, self._pool,
             )  # fmt: skip
-        return [edges for part in _parts(low, high) for edges in self._classify(*part, now_s)]
+        self._n_updates += 1
+        around_m = FAR_AROUND_M if self._n_updates % EVERY == 1 else AROUND_M
+        parts = _parts(low, high)
+        return [edges for part in parts for edges in self._classify(*part, around_m, now_s)]
 
     def refused(
         self, west_m: float, south_m: float, cell_m: float, rows: int, cols: int
@@ -188,10 +193,10 @@ class SurfaceMap:
         self._free.append(slot)
         return True
 
-    def _classify(self, low: Points, high: Points, now_s: float) -> list[Edges]:
+    def _classify(self, low: Points, high: Points, around_m: float, now_s: float) -> list[Edges]:
         """Classify a box of cells; return the edges of the tiles in which other cells are refused now."""
-        row0, col0 = self._cell(*(low - AROUND_M).tolist())
-        row1, col1 = self._cell(*(high + AROUND_M).tolist())
+        row0, col0 = self._cell(*(low - around_m).tolist())
+        row1, col1 = self._cell(*(high + around_m).tolist())
         box = Box(row0, row1 + 1, col0, col1 + 1)
         fields = np.zeros((*box.shape, SURFACE_FIELDS), np.float32)
         parts = [(key, *_overlap(key, box)) for key in _keys_over(box) if key in self._slot]
@@ -200,7 +205,9 @@ class SurfaceMap:
         fields[now_s - fields[..., TIME] > self._parameters.max_age_s] = 0
         if not fields[..., COUNT].any():
             return []
-        found = classify(SurfaceCells(np.ascontiguousarray(np.moveaxis(fields, 2, 0)), self.cell_m))
+        shape = None if around_m >= FAR_AROUND_M else self._read(box).values[SHAPE]
+        cells = SurfaceCells(np.ascontiguousarray(np.moveaxis(fields, 2, 0)), self.cell_m)
+        found = classify(cells, None, shape)
         changed = []
         side = self.cell_m * SIDE
         for key, here, there in parts:
