@@ -244,6 +244,7 @@ def _signal(window: Window, source: NDArray[np.int64] | None, datum_m: Points) -
     return Signal(
         origin,
         origins,
+        attributes.intensity[source],
         attributes.echoes[source],
         attributes.lost_enu_m - datum_m,
         attributes.lost_origin_enu_m - datum_m,

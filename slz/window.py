@@ -23,7 +23,8 @@ LOST_M = 100.0
 class PointAttributes:
     """Attributes of returns beyond position, and the rays of the same scan that gave no return.
 
-    intensity : (n,) float32, in the sensor's own unit, NaN where it gives none.
+    intensity : (n,) float32, share of what a white diffuse target would send back, corrected for range; NaN
+    where the sensor gives none, or its scale is unknown.
     echo : (n,) uint8, number of the return along its ray (LAS: return number), 1 is the first, 0 unknown.
     echoes : (n,) uint8, number of returns of the ray, 0 unknown.
     lost_enu_m, lost_origin_enu_m : (m, 3) float64, rays that were fired below the horizon and gave no return:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.surface.dark_returns import dark_returns
+from slz.surface.flooded_ground import with_flooded_ground
 from slz.surface.level_extents import level_extents
 from slz.surface.penetration import DEPTH_M, penetration
 from slz.surface.raised_plateaus import raised_plateaus
@@ -40,7 +42,8 @@ def classify(
         (rows, cols) SHAPE as told before with more of the surroundings, 0 for none.
     """
     extents, plateaus, plants = level_extents(cells), raised_plateaus(cells), penetration(cells)
-    vanishing = vanishing_returns(cells, extents)
+    vanishing, dark = vanishing_returns(cells, extents), dark_returns(cells)
+    vanishing = np.where(dark > 0, np.maximum(vanishing, dark), vanishing)
     # Around a strip of water that answered lies more of it, as even as ground: shape acquits it of little.
     level = extents.evidence()
     if shape is not None:
@@ -48,7 +51,7 @@ def classify(
     log_odds = SCORE_WATER + np.where(vanishing > 0, np.maximum(level, MOST_ACQUITTAL), level) + vanishing
     log_odds += np.where(vanishing > CLEAR, np.maximum(_sloping(cells), LEAST_SLOPING), _sloping(cells))
     there = cells.seen | (extents.labels > 0)
-    water = np.where(there, _probability(log_odds), 0)
+    water = with_flooded_ground(np.where(there, _probability(log_odds), 0), cells, extents)
     for_plants, for_roof = plants.log_odds, plateaus.log_odds
     tall = np.clip((plants.depth_m - DEPTH_M) / 0.5 + 0.5, 0, 1)
     if classes is not None:

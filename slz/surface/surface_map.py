@@ -37,6 +37,7 @@ class Signal:
     """Evidence of a window's points beyond their place.
 
     origin, origins_enu_m: (n,) row of each point's sensor position in (k, 3), or empty where unknown.
+    intensity: (n,) float32, share of the light of a white target, NaN where unknown, or empty.
     echoes: (n,) uint8, number of returns of the ray, 0 where unknown, or empty. lost_enu_m,
     lost_origin_enu_m: (m, 3), a point on each ray without a return and the sensor then, in stored heights;
     lost_weight: (m,), rays that each stands for.
@@ -44,6 +45,7 @@ class Signal:
 
     origin: NDArray[np.uint16]
     origins_enu_m: Points
+    intensity: NDArray[np.float32]
     echoes: NDArray[np.uint8]
     lost_enu_m: Points
     lost_origin_enu_m: Points
@@ -53,6 +55,7 @@ class Signal:
 NO_SIGNAL = Signal(
     np.empty(0, np.uint16),
     np.empty((0, 3)),
+    np.empty(0, np.float32),
     np.empty(0, np.uint8),
     np.empty((0, 3)),
     np.empty((0, 3)),
@@ -119,7 +122,7 @@ class SurfaceMap:
         tiles_hit(np.ascontiguousarray(near), west, south, self.cell_m, hit)
         table = self._table(corner, hit, now_s)
         add_returns(
-            points, signal.origin, signal.origins_enu_m, is_near, signal.echoes, now_s,
+            points, signal.origin, signal.origins_enu_m, is_near, signal.intensity, signal.echoes, now_s,
             self._parameters.max_age_s, west, south, self.cell_m, table, self._pool,
         )  # fmt: skip
         if len(signal.lost_enu_m) and math.isfinite(sensor[0]):

@@ -89,7 +89,8 @@ class Georeferencer:
         lost = self._place_lost(returns, history)
         if not len(lost[0]) and not returns.has_attributes:
             return None
-        intensity, echo, echoes = returns.intensity, returns.echo, returns.echoes
+        intensity = np.asarray(returns.intensity / np.float32(returns.white), np.float32)
+        echo, echoes = returns.echo, returns.echoes
         if len(number) < len(returns) or (number[1:] < number[:-1]).any():
             intensity, echo, echoes = intensity[number], echo[number], echoes[number]
         return PointAttributes.of(intensity, echo, echoes, *lost)

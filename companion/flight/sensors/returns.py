@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from math import inf
+from math import inf, nan
 from typing import Any, Self, TypeVar
 
 import numpy as np
@@ -47,6 +47,7 @@ class RawReturns:
     lost: NDArray[np.float32] = field(default_factory=_no_directions, kw_only=True)
     lost_ns: NDArray[np.int64] = field(default_factory=_no_stamps, kw_only=True)
     lost_weight: float = field(default=1.0, kw_only=True)
+    white: float = field(default=nan, kw_only=True)
     most_pitch_rad: float = field(default=inf, kw_only=True)
 
     def __len__(self) -> int:
@@ -64,6 +65,7 @@ class RawReturns:
             lost=self.lost,
             lost_ns=self.lost_ns + offset_ns,
             lost_weight=self.lost_weight,
+            white=self.white,
             most_pitch_rad=self.most_pitch_rad,
         )
 
@@ -82,6 +84,7 @@ class Returns:
     lost: (m, 3) float32, unit vectors in the sensor's frame along rays without a return.
     lost_ns: (m,) int64, stamps of these rays.
     lost_weight: number of rays without a return for which each ray in `lost` stands.
+    white: intensity of a white diffuse target at any range, NaN where the sensor's scale is unknown.
     most_pitch_rad: the batch is valid only while the sensor's x axis is at most this far from level.
 
     The arrays must be contiguous, and become read-only.
@@ -96,6 +99,7 @@ class Returns:
     lost: NDArray[np.float32] = field(default_factory=_no_directions, kw_only=True)
     lost_ns: NDArray[np.int64] = field(default_factory=_no_stamps, kw_only=True)
     lost_weight: float = field(default=1.0, kw_only=True)
+    white: float = field(default=nan, kw_only=True)
     most_pitch_rad: float = field(default=inf, kw_only=True)
 
     def __post_init__(self) -> None:
@@ -173,6 +177,7 @@ def _joined(parts: Sequence[R]) -> R:
         parts[0],
         **arrays,
         lost_weight=max(part.lost_weight for part in parts),
+        white=parts[0].white if all(part.white == parts[0].white for part in parts) else nan,
         most_pitch_rad=min(part.most_pitch_rad for part in parts),
     )
 

@@ -12,7 +12,10 @@ from slz.kernels.surface.surface_record import (
     ANSWER_M,
     APART_M,
     COUNT,
+    DARK,
+    DARKEST,
     DEEP,
+    DIFFUSE_DEG,
     FARTHEST_M,
     FLATTEST_DEG,
     HIGH,
@@ -39,6 +42,8 @@ MOST_COUNT = np.float32(50_000)  # returns of a cell, above which all its sums a
 SLANTED_TAN2 = math.tan(math.radians(SLANTED_DEG)) ** 2
 OBLIQUE_TAN2 = math.tan(math.radians(OBLIQUE_DEG)) ** 2
 FLATTEST_TAN2 = math.tan(math.radians(FLATTEST_DEG)) ** 2
+DIFFUSE_TAN2 = math.tan(math.radians(DIFFUSE_DEG)) ** 2
+MOST_DARK = np.float32(100)  # so that a change of the ground is seen
 F1, APART = np.float32(1), np.float32(APART_M)
 
 
@@ -60,6 +65,7 @@ def add_returns(
     origin: ReadOnly1D[np.uint16],
     origins: Array2D[np.float64],
     is_near: Array1D[np.bool_],
+    intensity: Array1D[np.float32],
     echoes: Array1D[np.uint8],
     now_s: Float32,
     max_age_s: Float32,
@@ -79,6 +85,8 @@ def add_returns(
         (n,) row of each return's sensor position in (k, 3); empty, or NaN, where the incidence is unknown.
     is_near
         (n,), whether the height counts; of the others only incidence and echoes do.
+    intensity
+        (n,) share of the light of a white target, NaN where unknown; or empty.
     echoes
         (n,) number of returns of the ray, 0 where unknown; or empty.
     table, pool
@@ -120,6 +128,9 @@ def add_returns(
             tan2 = (dx * dx + dy * dy) / (dz * dz) if dz > 0.0 else np.inf
             held[OBLIQUE] += tan2 >= OBLIQUE_TAN2
             held[SLANTED] += SLANTED_TAN2 <= tan2 < OBLIQUE_TAN2
+            if DIFFUSE_TAN2 <= tan2 < FLATTEST_TAN2 and len(intensity) > 0 and intensity[i] == intensity[i]:
+                dark = intensity[i] * np.sqrt(1 + tan2) < DARKEST  # a diffuse target is dimmer by the cosine
+                held[DARK] = min(MOST_DARK, max(-MOST_DARK, held[DARK] + (F1 if dark else -F1)))
         if held[COUNT] > MOST_COUNT:
             for f in range(SURFACE_FIELDS):
                 if f != MEAN and f != LOW and f != HIGH and f != TIME:

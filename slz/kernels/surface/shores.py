@@ -76,3 +76,35 @@ def around_shores(
         for sector in range(sectors):
             sides[own] += 2 * toward[own, sector, 1] > toward[own, sector, 0]
     return count
+
+
+@kernel
+def flood(
+    seeds: Array2D[np.int32],
+    seen: Array2D[np.bool_],
+    mean: Array2D[np.float32],
+    level: Array1D[np.float64],
+    least: float,
+    deepest: float,
+) -> Array2D[np.int32]:
+    """Return the labels of seeds spread to all connected cells `least` to `deepest` below their level."""
+    rows, cols = seeds.shape
+    out, stack, n = seeds.copy(), np.empty((rows * cols, 2), np.int32), 0
+    for r in range(rows):
+        for c in range(cols):
+            if seeds[r, c] > 0:
+                stack[n, 0], stack[n, 1] = r, c
+                n += 1
+    while n > 0:
+        n -= 1
+        r, c = stack[n, 0], stack[n, 1]
+        own = out[r, c]
+        for dr, dc in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            i, j = r + dr, c + dc
+            if i < 0 or j < 0 or i >= rows or j >= cols or out[i, j] > 0 or not seen[i, j]:
+                continue
+            if -deepest < mean[i, j] - level[own] < -least:
+                out[i, j] = own
+                stack[n, 0], stack[n, 1] = i, j
+                n += 1
+    return out

@@ -5,16 +5,19 @@
 # before by `APART_M`. SEVERAL: returns of rays with several. TOLD: returns whose ray told their number.
 # SLANTED, OBLIQUE: returns at incidence from `SLANTED_DEG` on, and from `OBLIQUE_DEG` on. LOST_SLANTED,
 # LOST_OBLIQUE: rays without a return, likewise; REPORTED: those that their driver reported, which each stand
-# for several. TIME: of the newest return (s).
+# for several. DARK: returns at incidence from `DIFFUSE_DEG` on that are darker than any dry ground, less the
+# others. TIME: of the newest return (s).
 (
     COUNT, MEAN, SQUARES, LOW, HIGH, DEEP, TALL, SEVERAL, TOLD, SLANTED, OBLIQUE, LOST_SLANTED, LOST_OBLIQUE,
-    REPORTED, TIME,
-) = range(15)  # fmt: skip
-SURFACE_FIELDS = 16  # with one to spare: a cell is a cache line
+    REPORTED, DARK, TIME,
+) = range(16)  # fmt: skip
+SURFACE_FIELDS = 16  # a cell is a cache line
 
 SLANTED_DEG = 6.0
 OBLIQUE_DEG = 30.0
 FLATTEST_DEG = 65.0  # a ray that grazes the ground more tells little by its loss
+DIFFUSE_DEG = 15.0  # incidence from which on a mirror shows nothing
+DARKEST = 0.025  # share of the light of a white target that wet tarmac and coal send back at least
 APART_M = 0.25  # more than a slope of 14 degrees makes within a metre
 FARTHEST_M = 70.0  # range beyond which a lost ray tells nothing
 ANSWER_M = 25.0  # range within which dark wet tarmac still answers an oblique ray

@@ -34,6 +34,7 @@ REORDERED = 64  # a packet at most this much behind the newest is late; one fart
 MOST_NS = 2**62
 THINNING = thinning(200_000)
 TOGETHER = 64  # packets joined for one call, to fit the processor's cache
+WHITE = 150.0  # reflectivity of a target that scatters all light; more is retro-reflective
 
 
 @dataclass(slots=True)
@@ -157,6 +158,7 @@ class LivoxDecoder:
             lost=lost,
             lost_ns=lost_ns,
             lost_weight=float(THINNING),
+            white=WHITE,
         )
 
     def decode(self, packets: Sequence[bytes]) -> RawReturns:

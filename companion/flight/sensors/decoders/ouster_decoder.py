@@ -33,6 +33,7 @@ MOST_ROWS, MOST_COLUMNS = 512, 16_384  # limits of a frame; the largest sensors 
 MOST_M = 10.0  # limit for a point at 1 m
 PAUSE_FRAMES = 10  # a longer gap means a sensor that was off, not lost packets
 Bytes = NDArray[np.uint8]
+WHITE = 100.0  # calibrated reflectivity of a target that scatters all light; more is retro-reflective
 
 
 @dataclass(slots=True)
@@ -251,6 +252,7 @@ class OusterDecoder:
             lost=lost[:n_lost],
             lost_ns=lost_ns[:n_lost],
             lost_weight=float(form.thinning),
+            white=WHITE,
         )
 
     def _count_lost(self, place: int | None) -> None:

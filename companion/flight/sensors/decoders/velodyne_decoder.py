@@ -50,6 +50,7 @@ LAST_LASER_NS = 15 * TICK_NS
 PAUSE_NS = 1_000_000_000  # a longer gap means a sensor that was off, not lost packets
 LATE_NS = 20_000_000
 LEAST_THINNING = int(THINNING.min())
+WHITE = 100.0  # calibrated reflectivity of a target that scatters all light; more is retro-reflective
 
 
 @dataclass(slots=True)
@@ -127,6 +128,7 @@ class VelodyneDecoder:
             lost=lost[:n_lost],
             lost_ns=lost_ns[:n_lost],
             lost_weight=float(THINNING[model]),
+            white=WHITE,
         )
 
     def decode(self, packets: Sequence[bytes]) -> RawReturns:
