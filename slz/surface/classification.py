@@ -48,6 +48,7 @@ def classify(
     level = extents.evidence()
     if shape is not None:
         level = np.where(shape != 0, np.maximum(level, shape), level)
+    level = np.where(plateaus.log_odds > 0, np.minimum(level, 0), level)  # its banks are parapets
     log_odds = SCORE_WATER + np.where(vanishing > 0, np.maximum(level, MOST_ACQUITTAL), level) + vanishing
     log_odds += np.where(vanishing > CLEAR, np.maximum(_sloping(cells), LEAST_SLOPING), _sloping(cells))
     there = cells.seen | (extents.labels > 0)

@@ -7,6 +7,8 @@ import numpy as np
 from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.jit import kernel
 
+FLAT_M = 0.5  # between two places at the foot of a wall
+
 
 @kernel
 def _root(parent: Array1D[np.int32], i: int) -> int:
@@ -72,7 +74,7 @@ def edges(
 
     An edge is a direction along rows or columns in which the next cell is not of the label. What lies there
     is the lowest of the next `reach` cells, so that a parapet or an unseen foot of a wall does not hide a
-    drop.
+    drop. Where only the next ones were seen and are as high, what lies there is unknown.
     Up to drops.shape[1] drops of each label go to `drops`, and their number to `held`.
     """
     rows, cols = height.shape
@@ -86,7 +88,7 @@ def edges(
                 r1, c1 = r + dr, c + dc
                 if r1 < 0 or c1 < 0 or r1 >= rows or c1 >= cols or labels[r1, c1] == own:
                     continue
-                lowest, again = np.inf, False
+                lowest, foot, again, farthest = np.inf, np.inf, False, 0
                 for k in range(1, reach + 1):
                     r1, c1 = r + k * dr, c + k * dc
                     if r1 < 0 or c1 < 0 or r1 >= rows or c1 >= cols:
@@ -95,14 +97,21 @@ def edges(
                         again = True
                         break
                     if not np.isnan(height[r1, c1]):
-                        lowest = min(lowest, height[r1, c1])
-                if again or lowest == np.inf:
+                        farthest = k
+                        if height[r1, c1] < lowest:
+                            lowest, foot = height[r1, c1], lowest
+                        else:
+                            foot = min(foot, height[r1, c1])
+                drop = height[r, c] - lowest
+                if again or (drop < least and farthest < reach - 1):  # a parapet, and nothing seen beyond
                     continue
                 known[own] += 1
-                drop = height[r, c] - lowest
                 if drop >= least:
                     down[own] += 1
                     if held[own] < drops.shape[1]:
-                        drops[own, held[own]] = drop
+                        # The foot is uneven: the mean of the two lowest, unless the other is of the wall.
+                        drops[own, held[own]] = drop - (
+                            (foot - lowest) / 2 if foot - lowest < FLAT_M else 0.0
+                        )
                         held[own] += 1
     return known, down
