@@ -101,7 +101,8 @@ class progress:  # noqa: N801 - a context manager used as a function
 
 def zone_table(zones: list[dict[str, Any]], title: str) -> Table:
     """Return a table of the first 20 zones of a summary."""
-    table = Table("zone", "area m²", "certainty", "slope °", "square m", "latitude", "longitude", title=title)
+    table = Table("zone", "area m²", "certainty", "slope °", "square m", "surface", "latitude", "longitude")
+    table.title = title
     for zone in zones[:20]:
         table.add_row(
             str(zone["id"]),
@@ -109,7 +110,14 @@ def zone_table(zones: list[dict[str, Any]], title: str) -> Table:
             f"{zone['certainty']:.2f}",
             f"{zone['slope_deg']:.1f}",
             f"{zone['square_side_m']:.1f}",
+            _surface(zone),
             f"{zone['lat']:.7f}",
             f"{zone['lon']:.7f}",
         )
     return table
+
+
+def _surface(zone: dict[str, Any]) -> str:
+    """Return what a zone's landing point lies on, a roof with its height."""
+    word, raised_m = zone.get("surface") or "unknown", zone.get("raised_m")
+    return f"{word}, {raised_m:.0f} m up" if raised_m else str(word)

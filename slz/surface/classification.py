@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from slz.surface.dark_returns import dark_returns
 from slz.surface.flooded_ground import with_flooded_ground
-from slz.surface.level_extents import level_extents
+from slz.surface.level_extents import fine_extents, level_extents
 from slz.surface.penetration import DEPTH_M, penetration
 from slz.surface.raised_plateaus import raised_plateaus
 from slz.surface.surface_cells import Floats, SurfaceCells
@@ -41,7 +41,8 @@ def classify(
     shape
         (rows, cols) SHAPE as told before with more of the surroundings, 0 for none.
     """
-    extents, plateaus, plants = level_extents(cells), raised_plateaus(cells), penetration(cells)
+    extents = level_extents(cells) if shape is None else fine_extents(cells)
+    plateaus, plants = raised_plateaus(cells), penetration(cells)
     vanishing, dark = vanishing_returns(cells, extents), dark_returns(cells)
     vanishing = np.where(dark > 0, np.maximum(vanishing, dark), vanishing)
     # Around a strip of water that answered lies more of it, as even as ground: shape acquits it of little.

@@ -58,7 +58,7 @@ def level_extents(cells: SurfaceCells) -> LevelExtents:
 
     Planes through cells twice as wide find rippled or sparsely hit water, and say more where they find it.
     """
-    fine, coarse = _extents(cells, RESIDUAL_M), _extents(cells.coarser(), ROUGHEST_M)
+    fine, coarse = fine_extents(cells), _extents(cells.coarser(), ROUGHEST_M)
     if not coarse.log_odds.any():
         return fine
     rows, cols = cells.shape
@@ -75,6 +75,11 @@ def level_extents(cells: SurfaceCells) -> LevelExtents:
         np.concatenate([fine.level_m, coarse.level_m[1:]]),
         np.concatenate([fine.residual_m, coarse.residual_m[1:]]),
     )
+
+
+def fine_extents(cells: SurfaceCells) -> LevelExtents:
+    """Find the extents of one level in the cells as they are."""
+    return _extents(cells, RESIDUAL_M)
 
 
 def _extents(cells: SurfaceCells, most_residual_m: float) -> LevelExtents:

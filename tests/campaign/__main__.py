@@ -9,6 +9,7 @@ import argparse
 import gc
 import logging
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 from rich.console import Console
@@ -21,6 +22,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from sitl import scenes
 from tests.campaign import log, report
 from tests.campaign.flight import fly
 from tests.campaign.plan import CELLS, FAULTS, Plan, plan
@@ -34,6 +36,8 @@ def main() -> None:
     path = own.out / "flights.jsonl"
     plans = [plan(n) for n in range(own.first, own.first + own.flights)]
     plans = [p for p in plans if p.fault in own.fault]
+    if own.scene:
+        plans = [replace(p, scene=own.scene[p.number % len(own.scene)]) for p in plans]
     if not own.report:
         flown = log.read(path)
         _fly([p for p in plans if p.number not in flown], path, len(plans))
@@ -51,6 +55,7 @@ def _arguments() -> argparse.Namespace:
     )
     parser.add_argument("--first", type=int, default=0, help="number of the first")
     parser.add_argument("--fault", choices=FAULTS, nargs="+", default=FAULTS, help="only these")
+    parser.add_argument("--scene", choices=scenes.NAMES, nargs="+", help="in these scenes, in turn")
     parser.add_argument("--out", type=Path, default=Path("out/campaign"), help="goes on where it was stopped")
     parser.add_argument("--report", action="store_true", help="fly nothing, write the report anew")
     return parser.parse_args()

@@ -36,7 +36,11 @@ def test_points_go_to_the_blocks_they_lie_in_however_often_these_take_turns() ->
     keep = rng.random(300) < 0.8
     blocks, slots = np.empty((32, 2), np.int64), np.full(64, -1, np.int64)
     cell, height, block = np.empty(300, np.uint16), np.empty(300, np.int32), np.empty(300, np.int32)
-    n, n_blocks = place(x, y, z, keep, 1.0, 1.0, 100.0, 1e6, blocks, slots, 0, cell, height, block)
+    mark, marked = rng.integers(0, 256, 300).astype(np.uint8), np.empty(300, np.uint8)
+    n, n_blocks = place(
+        x, y, z, keep, 1.0, 1.0, 100.0, 1e6, blocks, slots, 0, mark, cell, height, block, marked
+    )
+    np.testing.assert_array_equal(marked[:n], mark[keep])
     row, col = np.floor(y[keep]).astype(int), np.floor(x[keep]).astype(int)
     assert n == keep.sum()
     assert n_blocks == len({(r // BLOCK, c // BLOCK) for r, c in zip(row, col, strict=True)}) == 16

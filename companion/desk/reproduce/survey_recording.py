@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.runtime.errors import CompanionError
-from slz import LocalFrame, Window
+from slz import LocalFrame, Scan, Window, join
 
 FRAME = LocalFrame(47.3977419, 8.5455938, 488.0)
 WINDOW_CHUNKS = 10
@@ -71,21 +71,20 @@ class SurveyRecording:
     description: str
 
     def windows(self) -> Iterator[Window]:
-        """Yield windows of one second; the sensor's position is that at their end, as in flight."""
+        """Yield windows of one second, joined from scans as in flight."""
         start = np.concatenate([[0], np.cumsum(self.count)])
         for chunk in range(0, len(self.count), WINDOW_CHUNKS):
-            last = min(chunk + WINDOW_CHUNKS, len(self.count))
-            part = slice(int(start[chunk]), int(start[last]))
-            stamps = self.stamp_ns[part]
-            if len(stamps):
-                yield Window(
-                    self.points_enu_m[part].astype(np.float64),
-                    stamps,
-                    self.sensor_enu_m[last - 1],
-                    FRAME,
-                    int(stamps[0]),
-                    int(stamps[-1]),
-                )
+            parts = [
+                (slice(int(start[k]), int(start[k + 1])), self.sensor_enu_m[k])
+                for k in range(chunk, min(chunk + WINDOW_CHUNKS, len(self.count)))
+            ]
+            scans = [
+                Scan(self.points_enu_m[part].astype(np.float64), self.stamp_ns[part], sensor, FRAME)
+                for part, sensor in parts
+                if part.start < part.stop
+            ]
+            if scans:
+                yield join(scans)
 
 
 def fly(survey: SurveyFlight, folder: Path) -> SurveyRecording:

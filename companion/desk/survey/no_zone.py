@@ -17,6 +17,27 @@ def reason(found: Findings) -> str | None:
     """
     if found.zones:
         return None
+    water = maybe_water(found)
+    return _why(found) if water is None else f"{_why(found)}; {water}"
+
+
+def maybe_water(found: Findings) -> str | None:
+    """Return how much ground may be water, None for none; in large surveys from a sample of cells."""
+    p = found.parameters
+    if p.mode == "source":
+        return None
+    step = step_of(found.maps.grid)
+    water = np.asarray(subsampled(found.maps, "water", step), np.float64)
+    n = int(np.count_nonzero(water > p.water_suspicion))
+    if not n:
+        return None
+    area_m2 = n * (step * p.cell_m) ** 2
+    return (
+        f"{area_m2:.0f} m2 are water with more than {p.water_suspicion:.0%} probability and count as unseen"
+    )
+
+
+def _why(found: Findings) -> str:
     p, cells = found.parameters, found.cells
     cell_m2 = p.cell_m**2
     known = cells["safe"] + cells["unsafe"]

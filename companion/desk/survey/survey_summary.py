@@ -8,7 +8,7 @@ from typing import Any
 
 from companion.desk.clouds.unit_statements import unit_name
 from companion.desk.survey.findings import Findings
-from companion.desk.survey.no_zone import reason
+from companion.desk.survey.no_zone import maybe_water, reason
 from params import Parameters
 
 COARSE = 0.25  # of a cell
@@ -69,6 +69,9 @@ def _warnings(found: Findings) -> list[str]:
         )
     if found.dropped.get("stray"):
         warnings.append(f"{found.dropped['stray']} points lie far from all others and were dropped")
+    water = maybe_water(found)
+    if water is not None:
+        warnings.append(water)
     if found.n_cut:
         warnings.append(
             f"{found.n_cut} zones are parts of larger ones, cut along lines of a fixed lattice: they adjoin"

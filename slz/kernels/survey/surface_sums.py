@@ -63,8 +63,9 @@ def add_sums(
         sums[2, r, c] += over * over
         sums[3, r, c] += mark[i] & TOLD
         sums[4, r, c] += (mark[i] & SEVERAL) >> 1
-        kind = mark[i] >> CLASS_SHIFT
-        classes[r, c, kind if kind < CLASSES else UNCLASSIFIED] += 1
+        kind = np.int64(mark[i] >> CLASS_SHIFT)
+        if kind < CLASSES:
+            classes[r, c, kind] += 1
 
 
 @kernel

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -22,6 +23,7 @@ P = Parameters(
 )
 FLIGHT = Flight()
 N, LOST = 500, 3_000
+WHITE = 100.0
 
 
 def measured(n: int = N, lost: int = LOST, seed: int = 0) -> Returns:
@@ -43,6 +45,7 @@ def measured(n: int = N, lost: int = LOST, seed: int = 0) -> Returns:
         lost=unit.astype(np.float32),
         lost_ns=rng.integers(10 * MS, 1990 * MS, lost),
         lost_weight=11.0,
+        white=WHITE,
     )
 
 
@@ -58,7 +61,7 @@ def test_attributes_follow_their_returns_through_gate_and_order() -> None:
     for returns in (in_order, in_order.select(shuffle)):
         scan = placed(returns)
         assert scan.attributes is not None
-        index = scan.attributes.intensity.astype(int)
+        index = np.rint(scan.attributes.intensity * WHITE).astype(int)
         distance = np.linalg.norm(in_order.xyz_sensor_m, axis=1)
         gate = (distance >= P.lidar_min_m) & (distance <= P.lidar_max_m)
         assert sorted(index.tolist()) == np.flatnonzero(gate).tolist()
@@ -66,6 +69,12 @@ def test_attributes_follow_their_returns_through_gate_and_order() -> None:
         np.testing.assert_array_equal(scan.stamp_ns, in_order.stamp_ns[index])
         np.testing.assert_array_equal(scan.attributes.echo, 1 + index % 2)
         assert set(scan.attributes.echoes) == {2}
+
+
+def test_intensity_on_an_unknown_scale_tells_nothing() -> None:
+    found = placed(replace(measured(), white=math.nan)).attributes
+    assert found is not None
+    assert np.isnan(found.intensity).all()
 
 
 def test_lost_rays_are_placed_with_the_pose_at_their_own_stamp() -> None:
@@ -128,7 +137,7 @@ def test_contradictory_return_numbers_and_constant_intensity_are_carried(echo: i
     )
     found = placed(wrong).attributes
     assert found is not None
-    assert set(found.intensity) == {255.0}
+    np.testing.assert_allclose(found.intensity, 255.0 / WHITE)
     assert not found.echoes.any()
     assert not found.echo.any()
 

@@ -1,0 +1,49 @@
+"""Dark returns: several of them around a cell, more than bright ones, are of water."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.kernels.surface.surface_record import DARK
+from slz.surface.classification import classify
+from slz.surface.dark_returns import dark_returns
+from tests.unit.slz.surface.made_ground import SUSPICION, lake, made, with_fields
+
+LAKE = made(lake(8.0), 80)
+
+
+def told(dark: NDArray[np.floating]) -> NDArray[np.float32]:
+    return dark_returns(with_fields(LAKE, {DARK: dark}))
+
+
+def at(row: int, col: int, value: float) -> NDArray[np.float64]:
+    out = np.zeros(LAKE.shape)
+    out[row, col] = value
+    return out
+
+
+def test_dark_returns_of_a_cell_tell_of_it_and_its_silent_neighbours() -> None:
+    score = told(at(40, 40, 6))
+    assert np.argwhere(score > 0).tolist() == [[r, c] for r in (39, 40, 41) for c in (39, 40, 41)]
+
+
+def test_few_dark_returns_tell_nothing() -> None:
+    assert not told(at(40, 40, 5)).any()
+
+
+def test_bright_returns_outweigh_dark_ones_around_and_acquit_their_own_cell() -> None:
+    assert told(at(40, 40, 6) + at(40, 41, -1))[40, 40] == 0
+    score = told(at(40, 40, 60) + at(40, 41, -1))
+    assert score[40, 40] > 0
+    assert score[40, 41] == 0
+
+
+def test_bright_ground_is_not_told_from_ground_of_unknown_brightness() -> None:
+    assert not told(np.full(LAKE.shape, -100.0)).any()
+
+
+def test_dark_level_ground_is_water_though_it_answers_obliquely() -> None:
+    dark = with_fields(made(lambda x, _: 0 * x, 40), {DARK: 20.0})
+    assert classify(dark).water.min() > SUSPICION
+    assert classify(with_fields(dark, {DARK: -20.0})).water.max() <= SUSPICION

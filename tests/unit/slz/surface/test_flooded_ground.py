@@ -1,0 +1,60 @@
+"""Flooded ground: the bottom that shows through shallow water is under that water."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from slz.surface.flooded_ground import with_flooded_ground
+from slz.surface.level_extents import level_extents
+from slz.surface.surface_cells import SurfaceCells
+from tests.unit.slz.surface.made_ground import Floats, from_middle, lake, made, places
+
+DISTANCE = from_middle(*places(80))
+SHALLOWS = (DISTANCE > 14) & (DISTANCE < 16)
+
+
+def basin(depth_m: float) -> SurfaceCells:
+    """Return a lake whose bottom shows in a ring of shallows, up to a bank of half a metre."""
+
+    def height(x: Floats, y: Floats) -> Floats:
+        away = from_middle(x, y)
+        ring = (away > 12) & (away < 17)
+        return np.asarray(np.where(ring, -depth_m, np.where(away < 17, 0, lake(17, 0.2)(x, y) + 0.3)))
+
+    return made(height)
+
+
+def flooded(cells: SurfaceCells, probability: float = 0.7, width_m: float = 99) -> NDArray[np.floating]:
+    """Return the probabilities of water around a lake of which a strip is known as water."""
+    strip = (DISTANCE < 13) & (np.abs(places(80)[1] - 40) < width_m / 2)
+    water = np.where(strip, np.float32(probability), np.float32(0.01))
+    return with_flooded_ground(water, cells, level_extents(cells))
+
+
+@pytest.mark.parametrize("depth_m", [0.1, 0.3])
+def test_the_bottom_beside_standing_water_is_as_probably_water(depth_m: float) -> None:
+    cells = basin(depth_m)
+    out = flooded(cells)
+    np.testing.assert_allclose(out[SHALLOWS & cells.seen], 0.7, rtol=1e-5)
+    assert out[DISTANCE > 19].max() < 0.02
+
+
+def test_ground_deeper_than_light_reaches_is_a_drop() -> None:
+    assert flooded(basin(0.6))[SHALLOWS].max() < 0.02
+
+
+def test_ground_above_the_water_is_not_flooded() -> None:
+    assert flooded(basin(-0.1))[SHALLOWS].max() < 0.02
+
+
+@pytest.mark.parametrize(("probability", "width_m"), [(0.1, 99), (0.7, 0.5)])
+def test_improbable_or_little_water_floods_nothing(probability: float, width_m: float) -> None:
+    assert flooded(basin(0.2), probability, width_m)[SHALLOWS].max() < 0.02
+
+
+def test_flooding_never_makes_ground_drier() -> None:
+    cells = basin(0.2)
+    water = np.random.default_rng(1).random(cells.shape).astype(np.float32)
+    assert (with_flooded_ground(water, cells, level_extents(cells)) >= water).all()
