@@ -43,7 +43,8 @@ def classify(
     """
     extents = level_extents(cells) if shape is None else fine_extents(cells)
     plateaus, plants = raised_plateaus(cells), penetration(cells)
-    vanishing, dark = vanishing_returns(cells, extents), dark_returns(cells)
+    on_level = extents.labels > 0 if shape is None else (extents.labels > 0) | (shape != 0)
+    vanishing, dark = vanishing_returns(cells, on_level), dark_returns(cells)
     vanishing = np.where(dark > 0, np.maximum(vanishing, dark), vanishing)
     # Around a strip of water that answered lies more of it, as even as ground: shape acquits it of little.
     level = extents.evidence()
@@ -51,7 +52,8 @@ def classify(
         level = np.where(shape != 0, np.maximum(level, shape), level)
     level = np.where(plateaus.log_odds > 0, np.minimum(level, 0), level)  # its banks are parapets
     log_odds = SCORE_WATER + np.where(vanishing > 0, np.maximum(level, MOST_ACQUITTAL), level) + vanishing
-    log_odds += np.where(vanishing > CLEAR, np.maximum(_sloping(cells), LEAST_SLOPING), _sloping(cells))
+    sloping = np.where(level > 0, 0, _sloping(cells))  # at its shore the window of a plane holds the bank
+    log_odds += np.where(vanishing > CLEAR, np.maximum(sloping, LEAST_SLOPING), sloping)
     there = cells.seen | (extents.labels > 0)
     water = with_flooded_ground(np.where(there, _probability(log_odds), 0), cells, extents)
     for_plants, for_roof = plants.log_odds, plateaus.log_odds

@@ -12,15 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from slz.kernels.surface.neighbourhood import greatest_around
-from slz.kernels.surface.shores import around_shores, grow
-from slz.surface.surface_cells import PLANE_RADIUS, Floats, SurfaceCells
+from slz.kernels.surface.shores import around_shore, grow
+from slz.surface.surface_cells import PLANE_RADIUS, Floats, SurfaceCells, around, with_margin
 
 GRADIENT, RESIDUAL_M = 0.01, 0.06  # of a plane over five cells: level as water, even with ripples
 ROUGHEST_M, SIGMAS = 0.2, 2.5  # of planes over ten cells, with waves; how far a shore cell may be off
 SMALLEST_M2 = 40.0  # extent of level planes, that is without a margin of two cells
 BAND_M = 0.06  # a cell at the shore belongs to the water if its mean is so near the level
 BANK_M = 0.10  # ground higher than the level by this is a bank
+WALL_M, WALLED_M2 = 1.0, 400.0  # what rises more around a small extent is a wall or a tree, and tells nothing
 BANK_CELLS = 4  # width of the ring in which banks are looked for
 FEWEST_RING = 12  # cells of the ring that were seen
 SECTORS = 12  # directions in which a bank is looked for
@@ -138,16 +138,16 @@ def _banks(cells: SurfaceCells, grown: NDArray[np.int32], level: NDArray[np.floa
     Banks on one side of a small extent are a wall beside a yard; a lake may be cut by the edge of a survey.
     """
     n = len(level)
-    filled = ndimage.binary_fill_holes(grown > 0)  # what stands within an extent is no bank of it
-    ring = np.where(filled, 0, greatest_around(grown, BANK_CELLS)).astype(np.int32)
-    place = np.nonzero(grown)
-    own = grown[place]
-    size = np.maximum(np.bincount(own, minlength=n), 1)
-    middle = np.column_stack([np.bincount(own, at, n) / size for at in place])
-    sides = np.zeros(n, np.int64)
-    count = around_shores(
-        ring, cells.seen, np.ascontiguousarray(cells.mean_m), level, middle, BANK_M, SECTORS, sides
-    )
+    count, sides = np.zeros((n, 3), np.int64), np.zeros(n, np.int64)
+    size = np.maximum(np.bincount(grown.ravel(), minlength=n), 1)
+    mean = np.ascontiguousarray(cells.mean_m)
+    for label, own in with_margin(grown, n, BANK_CELLS):
+        filled = ndimage.binary_fill_holes(grown[own] == label)  # what stands within is no bank of it
+        ring = np.ascontiguousarray(around(filled, BANK_CELLS) & ~filled & cells.seen[own])
+        most_m = WALL_M if size[label] * cells.cell_m**2 < WALLED_M2 else np.inf
+        heights, middle = np.ascontiguousarray(mean[own]), np.argwhere(filled).mean(axis=0)
+        place = level[label], middle[0], middle[1]
+        sides[label] = around_shore(ring, heights, *place, BANK_M, most_m, SECTORS, count[label])
     total = count.sum(axis=1)
     up, down, even = (count / np.maximum(total, 1)[:, None]).T
     score = SCORE_EVEN * np.clip((even - 0.3) / 0.4, 0, 1) + SCORE_SPILL * np.clip((down - 0.03) / 0.15, 0, 1)

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from slz.kernels.surface.plateaus import connect, edges
-from slz.surface.surface_cells import Floats, SurfaceCells
+from slz.surface.surface_cells import Floats, SurfaceCells, with_margin
 
 STEP_M = 0.35  # between neighbouring cells of a plateau, for cells of a metre
 SMOOTH_M = 0.35  # spread of the heights within a cell of a plateau
@@ -41,17 +42,31 @@ def raised_plateaus(cells: SurfaceCells) -> RaisedPlateaus:
     drops, held = np.empty((n + 1, MOST_DROPS), np.float32), np.zeros(n + 1, np.int64)
     reach = max(1, round(REACH_M / cells.cell_m))
     everything = np.where(cells.seen, cells.mean_m, np.float32(np.nan)).astype(np.float32)
-    known, down = edges(everything, labels, n, LEAST_DROP_M, reach, drops, held)
     size = np.bincount(labels.ravel(), minlength=n + 1) * cells.cell_m**2
+    possible = (size >= SMALLEST_M2) & (size <= LARGEST_M2)
+    possible[0] = False
+    holes = _holes(labels, possible)
+    known, down = edges(everything, labels, holes, n, LEAST_DROP_M, reach, drops, held)
     with np.errstate(invalid="ignore"):
         share = down / np.maximum(known, 1)
-    found = (known >= FEWEST_EDGES) & (size >= SMALLEST_M2) & (size <= LARGEST_M2) & (share > 0.3)
-    found[0] = False
+    found = possible & (known >= FEWEST_EDGES) & (share > 0.3)
     score, raised = np.full(n + 1, SCORE_PRIOR), np.zeros(n + 1)
     for label in np.flatnonzero(found).tolist():
         raised[label] = np.median(drops[label, : held[label]])
         score[label] += SCORE_DROPS * float(np.clip((share[label] - 0.3) / (SHARE - 0.3), 0, 1))
     return RaisedPlateaus(_on(labels, score), _on(labels, raised))
+
+
+def _holes(labels: NDArray[np.int32], possible: NDArray[np.bool_]) -> NDArray[np.int32]:
+    """Return for each cell within one of the possible plateaus, but not of it, that plateau; else 0."""
+    number = np.zeros(len(possible), np.int32)
+    number[possible] = np.arange(1, np.count_nonzero(possible) + 1)
+    back, own = np.concatenate([[0], np.flatnonzero(possible)]), number[labels]
+    holes = np.zeros(labels.shape, np.int32)
+    for label, box in with_margin(own, len(back), 1):
+        mine = own[box] == label
+        holes[box][ndimage.binary_fill_holes(mine) & ~mine] = back[label]
+    return holes
 
 
 def _on(labels: NDArray[np.int32], values: NDArray[np.float64]) -> Floats:

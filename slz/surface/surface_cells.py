@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
+from slz.kernels.surface.neighbourhood import greatest_around
 from slz.kernels.surface.smooth_planes import smooth_planes
 from slz.kernels.surface.surface_record import (
     COUNT,
@@ -95,3 +98,22 @@ class SurfaceCells:
         out[COUNT], out[MEAN] = total, middle
         out[SQUARES] = (parts[SQUARES] + count * off**2).sum(axis=(1, 3))
         return SurfaceCells(out, 2 * self.cell_m)
+
+
+def around(flags: Flags, radius: int) -> Flags:
+    """Return the cells within squares of `radius` cells around the flagged ones."""
+    return greatest_around(flags.astype(np.int32), radius) > 0
+
+
+def with_margin(labels: NDArray[np.int32], n: int, margin: int) -> Iterator[tuple[int, tuple[slice, slice]]]:
+    """Yield each label from 1 to n - 1 that is there, and the slices of its cells with a margin."""
+    for label, found in enumerate(ndimage.find_objects(labels, n - 1), start=1):
+        if found is not None:
+            rows, cols = found
+            yield (
+                label,
+                (
+                    slice(max(0, rows.start - margin), rows.stop + margin),
+                    slice(max(0, cols.start - margin), cols.stop + margin),
+                ),
+            )

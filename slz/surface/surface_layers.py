@@ -55,7 +55,8 @@ class SurfaceLayers:
         kinds = self.kind.ravel()
         known = kinds[kinds != SurfaceKind.UNKNOWN]
         if not len(known):
-            return UNKNOWN_SURFACE
+            water = float(self.water.max(initial=0.0))
+            return SurfaceHere(water=water) if water > 0 else UNKNOWN_SURFACE
         kind = SurfaceKind(int(np.bincount(known).argmax()))
         own = self.kind == kind
         at = PROBABLE.get(kind)

@@ -25,9 +25,10 @@ Points = NDArray[np.float64]
 CELL_M = 1.0  # least side of a surface cell
 AROUND_M = 16.0  # beyond the returns of a window, within which cells are classified with them
 EVERY, FAR_AROUND_M = 4, 60.0  # updates, after which shores farther off are looked for
+SHAPE_S = 60.0  # time for which what they told is kept
 PART_M = 1024.0  # side of a square that is classified at a time
 SHARE = 1 / 20  # of the memory for evidence
-TILE_BYTES = SIDE * SIDE * 4 * (SURFACE_FIELDS + N_LAYERS)
+TILE_BYTES = SIDE * SIDE * 4 * (SURFACE_FIELDS + N_LAYERS + 1)
 LEAST_TILES = 16
 FOOT_M = 10.0  # around the vehicle, in which the ground that lost rays met is sought
 
@@ -79,8 +80,10 @@ class SurfaceMap:
         capacity = max(LEAST_TILES, int(parameters.memory_mb * SHARE * 2**20 / TILE_BYTES))
         self._pool = np.zeros((capacity, SIDE, SIDE, SURFACE_FIELDS), np.float32)
         self._layers = np.zeros((capacity, N_LAYERS, SIDE, SIDE), np.float32)
+        self._shape_s = np.full((capacity, SIDE, SIDE), -np.inf, np.float32)
         self._n_refused = np.zeros(capacity, np.int64)
         self._n_updates = 0
+        self._given_up: list[Edges] = []
         self._slot: dict[Key, int] = {}
         self._last_s: dict[Key, float] = {}
         self._free = list(range(capacity))[::-1]
@@ -130,12 +133,13 @@ class SurfaceMap:
             ground_m = float(np.median(foot[:, 2] if len(foot) else near[:, 2]))
             add_lost(
                 signal.lost_enu_m, signal.lost_origin_enu_m, signal.lost_weight,
-                ground_m, west, south, self.cell_m, table, self._pool,
+                ground_m, now_s, self._parameters.max_age_s, west, south, self.cell_m, table, self._pool,
             )  # fmt: skip
         self._n_updates += 1
         around_m = FAR_AROUND_M if self._n_updates % EVERY == 1 else AROUND_M
-        parts = _parts(low, high)
-        return [edges for part in parts for edges in self._classify(*part, around_m, now_s)]
+        parts, given_up = _parts(low, high), self._given_up
+        self._given_up = []
+        return given_up + [edges for part in parts for edges in self._classify(*part, around_m, now_s)]
 
     def refused(
         self, west_m: float, south_m: float, cell_m: float, rows: int, cols: int
@@ -191,7 +195,12 @@ class SurfaceMap:
         if old is None:
             return False
         slot = self._slot.pop(old)
+        if self._n_refused[slot]:
+            side = self.cell_m * SIDE
+            west, south = self.west_m + old[1] * side, self.south_m + old[0] * side
+            self._given_up.append((west, south, west + side, south + side))
         self._pool[slot], self._layers[slot], self._n_refused[slot] = 0, 0, 0
+        self._shape_s[slot] = -np.inf
         del self._last_s[old]
         self._free.append(slot)
         return True
@@ -208,7 +217,7 @@ class SurfaceMap:
         fields[now_s - fields[..., TIME] > self._parameters.max_age_s] = 0
         if not fields[..., COUNT].any():
             return []
-        shape = None if around_m >= FAR_AROUND_M else self._read(box).values[SHAPE]
+        shape = None if around_m >= FAR_AROUND_M else self._shape(box, now_s)
         cells = SurfaceCells(np.ascontiguousarray(np.moveaxis(fields, 2, 0)), self.cell_m)
         found = classify(cells, None, shape)
         changed = []
@@ -218,6 +227,8 @@ class SurfaceMap:
             layers = SurfaceLayers(self._layers[slot])
             before = layers.refused(self._parameters)
             layers.values[(slice(None), *here)] = found.values[(slice(None), *there)]
+            if shape is None:
+                self._shape_s[slot][here] = now_s
             after = layers.refused(self._parameters)
             self._n_refused[slot] = np.count_nonzero(after)
             if (before != after).any():
@@ -232,6 +243,17 @@ class SurfaceMap:
                     )
                 )
         return changed
+
+    def _shape(self, box: Box, now_s: float) -> NDArray[np.float32]:
+        """Return the SHAPE that a far look told not long ago, 0 elsewhere."""
+        out = np.zeros(box.shape, np.float32)
+        longest_s = min(SHAPE_S, self._parameters.max_age_s)
+        for key in _keys_over(box):
+            if key in self._slot:
+                slot, (here, there) = self._slot[key], _overlap(key, box)
+                young = now_s - self._shape_s[slot][here] <= longest_s
+                out[there] = np.where(young, self._layers[slot][(SHAPE, *here)], 0)
+        return out
 
     def _read(self, box: Box) -> SurfaceLayers:
         out = np.zeros((N_LAYERS, *box.shape), np.float32)

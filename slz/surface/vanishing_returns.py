@@ -11,8 +11,7 @@ import numpy as np
 
 from slz.kernels.surface.neighbourhood import box_sums
 from slz.kernels.surface.surface_record import LOST_OBLIQUE, LOST_SLANTED, OBLIQUE, REPORTED, SLANTED
-from slz.surface.level_extents import LevelExtents
-from slz.surface.surface_cells import Floats, SurfaceCells
+from slz.surface.surface_cells import Flags, Floats, SurfaceCells
 
 FEWEST_RAYS = 4.0  # of a cell that decide
 FEWEST_REPORTED = 3.0  # lost rays that are no chance
@@ -24,27 +23,29 @@ OBLIQUE_SHARES, OBLIQUE_SCORES = (0.1, 0.2, 0.75, 1.0), (4.5, 2.5, -3.0, -6.0)
 SLANTED_SHARES, SLANTED_SCORES = (0.3, 0.6, 0.85, 0.95), (4.0, 3.0, 0.5, 0.0)
 
 
-def vanishing_returns(cells: SurfaceCells, extents: LevelExtents) -> Floats:
+def vanishing_returns(cells: SurfaceCells, level: Flags) -> Floats:
     """Return the log odds for water of every cell from its oblique and slanted rays; 0 where too few met it.
 
     Where too few met a cell, those of its neighbours tell: that of lost ones makes it suspect, and that of
-    answered ones makes it dry as far as both belong to one level extent, which is of one surface.
+    answered ones makes it dry as far as both belong to a level extent, which is of one surface.
+
+    Parameters
+    ----------
+    level
+        (rows, cols), cells of level extents.
     """
     f = cells.fields
     rays = np.stack([f[OBLIQUE], f[LOST_OBLIQUE], f[SLANTED], f[LOST_SLANTED], f[REPORTED]])
     oblique, lost, slanted, lost_slanted = _by_chance_left_out(rays)
     score = _score(oblique, lost, FEWEST_RAYS, OBLIQUE_SHARES, OBLIQUE_SCORES)
-    silent = cells.seen & (oblique + lost < FEWEST_RAYS)
-    if not silent.any():
-        return score
+    silent = cells.seen & (oblique < FEWEST_RAYS)  # too few answered to acquit it
     if f[REPORTED].any():
         own = _score(slanted, lost_slanted, FEWEST_RAYS, SLANTED_SHARES, SLANTED_SCORES)
         near = _by_chance_left_out(box_sums(rays, AROUND))
         by_oblique = _score(near[0], near[1], FEWEST_AROUND, OBLIQUE_SHARES, OBLIQUE_SCORES)
         by_slanted = _score(near[2], near[3], FEWEST_AROUND, SLANTED_SHARES, SLANTED_SCORES)
         suspect = np.maximum(np.maximum(own, by_slanted), np.maximum(by_oblique, 0))
-        score = np.where(silent, suspect, score)  # dry neighbours do not make a pond dry
-    level = extents.labels > 0
+        score = np.where(silent, np.maximum(score, suspect), score)
     if (silent & level).any() and oblique.any():
         around, without = box_sums(np.stack([oblique, lost]) * level, EXTENT)
         on_extent = _score(around, without, FEWEST_ON_EXTENT, OBLIQUE_SHARES, OBLIQUE_SCORES)

@@ -143,6 +143,8 @@ def add_lost(
     origins: Array2D[np.float64],
     weights: ReadOnly1D[np.float32],
     ground_m: float,
+    now_s: Float32,
+    max_age_s: Float32,
     west: float,
     south: float,
     cell: float,
@@ -193,6 +195,10 @@ def add_lost(
             share = min(1.0, ANSWER_M * ANSWER_M / range2)
             field = LOST_OBLIQUE if tan2 >= OBLIQUE_TAN2 else LOST_SLANTED
             held = pool[slot, r & (SIDE - 1), c & (SIDE - 1)]
+            if now_s - held[TIME] > max_age_s:
+                for f in range(SURFACE_FIELDS):
+                    held[f] = 0
+            held[TIME] = now_s
             held[field] += np.float32(weights[i] * share)
             held[REPORTED] += F1
             n += 1

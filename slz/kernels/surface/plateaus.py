@@ -64,6 +64,7 @@ def connect(height: Array2D[np.float32], step: float, out: Array2D[np.int32]) ->
 def edges(
     height: Array2D[np.float32],
     labels: Array2D[np.int32],
+    holes: Array2D[np.int32],
     n: int,
     least: float,
     reach: int,
@@ -75,7 +76,8 @@ def edges(
     An edge is a direction along rows or columns in which the next cell is not of the label. What lies there
     is the lowest of the next `reach` cells, so that a parapet or an unseen foot of a wall does not hide a
     drop. Where only the next ones were seen and are as high, what lies there is unknown.
-    Up to drops.shape[1] drops of each label go to `drops`, and their number to `held`.
+    The cells of `holes` lie within their label, as a pit does: its edge is none. Up to drops.shape[1]
+    drops of each label go to `drops`, and their number to `held`.
     """
     rows, cols = height.shape
     known, down = np.zeros(n + 1, np.int64), np.zeros(n + 1, np.int64)
@@ -87,6 +89,8 @@ def edges(
             for dr, dc in ((1, 0), (-1, 0), (0, 1), (0, -1)):
                 r1, c1 = r + dr, c + dc
                 if r1 < 0 or c1 < 0 or r1 >= rows or c1 >= cols or labels[r1, c1] == own:
+                    continue
+                if holes[r1, c1] == own:
                     continue
                 lowest, foot, again, farthest = np.inf, np.inf, False, 0
                 for k in range(1, reach + 1):

@@ -37,45 +37,39 @@ def grow(
 
 
 @kernel
-def around_shores(
-    ring: Array2D[np.int32],
-    seen: Array2D[np.bool_],
+def around_shore(
+    ring: Array2D[np.bool_],
     mean: Array2D[np.float32],
-    level: Array1D[np.float64],
-    middle: Array2D[np.float64],
+    level: float,
+    middle_row: float,
+    middle_col: float,
     least: float,
+    most: float,
     sectors: int,
-    sides: Array1D[np.int64],
-) -> Array2D[np.int64]:
-    """Return (labels, 3) counts of the seen cells around each extent: UP, DOWN, EVEN by `least`.
+    count: Array1D[np.int64],
+) -> int:
+    """Count the cells around an extent: UP, DOWN, EVEN by `least`, into `count`; none higher than `most`.
 
-    Parameters
-    ----------
-    ring
-        Label of the extent that a cell is around, 0 for none.
-    middle
-        (labels, 2) mean row and column of each extent.
-    sides
-        Receives the number of directions, of `sectors`, in which most cells seen are up.
+    Return the number of directions from its middle, of `sectors`, in which most of them are up.
     """
-    n = len(level)
-    count, toward = np.zeros((n, 3), np.int64), np.zeros((n, sectors, 2), np.int64)
+    toward = np.zeros((sectors, 2), np.int64)
     for r in range(ring.shape[0]):
         for c in range(ring.shape[1]):
-            own = ring[r, c]
-            if own == 0 or not seen[r, c]:
+            if not ring[r, c]:
                 continue
-            above = mean[r, c] - level[own]
+            above = mean[r, c] - level
+            if above > most:
+                continue
             kind = UP if above > least else DOWN if above < -least else EVEN
-            count[own, kind] += 1
-            bearing = math.atan2(r - middle[own, 0], c - middle[own, 1]) / (2 * math.pi) + 0.5
+            count[kind] += 1
+            bearing = math.atan2(r - middle_row, c - middle_col) / (2 * math.pi) + 0.5
             sector = min(int(bearing * sectors), sectors - 1)
-            toward[own, sector, 0] += 1
-            toward[own, sector, 1] += kind == UP
-    for own in range(n):
-        for sector in range(sectors):
-            sides[own] += 2 * toward[own, sector, 1] > toward[own, sector, 0]
-    return count
+            toward[sector, 0] += 1
+            toward[sector, 1] += kind == UP
+    sides = 0
+    for sector in range(sectors):
+        sides += 2 * toward[sector, 1] > toward[sector, 0]
+    return sides
 
 
 @kernel

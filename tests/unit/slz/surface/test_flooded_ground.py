@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 from slz.surface.flooded_ground import with_flooded_ground
 from slz.surface.level_extents import level_extents
 from slz.surface.surface_cells import SurfaceCells
-from tests.unit.slz.surface.made_ground import Floats, from_middle, lake, made, places
+from tests.unit.slz.surface.made_ground import Flags, Floats, from_middle, lake, made, places
 
 DISTANCE = from_middle(*places(80))
+LAKE = DISTANCE < 13
+LITTLE = LAKE & (np.arange(80) > 40) & (np.arange(80) == 40)[:, np.newaxis]  # a row up to the shallows
 SHALLOWS = (DISTANCE > 14) & (DISTANCE < 16)
 
 
@@ -26,10 +28,9 @@ def basin(depth_m: float) -> SurfaceCells:
     return made(height)
 
 
-def flooded(cells: SurfaceCells, probability: float = 0.7, width_m: float = 99) -> NDArray[np.floating]:
-    """Return the probabilities of water around a lake of which a strip is known as water."""
-    strip = (DISTANCE < 13) & (np.abs(places(80)[1] - 40) < width_m / 2)
-    water = np.where(strip, np.float32(probability), np.float32(0.01))
+def flooded(cells: SurfaceCells, probability: float = 0.7, known: Flags = LAKE) -> NDArray[np.floating]:
+    """Return the probabilities of water around a lake of which some cells are known as water."""
+    water = np.where(known, np.float32(probability), np.float32(0.01))
     return with_flooded_ground(water, cells, level_extents(cells))
 
 
@@ -49,9 +50,9 @@ def test_ground_above_the_water_is_not_flooded() -> None:
     assert flooded(basin(-0.1))[SHALLOWS].max() < 0.02
 
 
-@pytest.mark.parametrize(("probability", "width_m"), [(0.1, 99), (0.7, 0.5)])
-def test_improbable_or_little_water_floods_nothing(probability: float, width_m: float) -> None:
-    assert flooded(basin(0.2), probability, width_m)[SHALLOWS].max() < 0.02
+@pytest.mark.parametrize(("probability", "known"), [(0.1, LAKE), (0.7, LITTLE)])
+def test_improbable_or_little_water_floods_nothing(probability: float, known: Flags) -> None:
+    assert flooded(basin(0.2), probability, known)[SHALLOWS].max() < 0.02
 
 
 def test_flooding_never_makes_ground_drier() -> None:

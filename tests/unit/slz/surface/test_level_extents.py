@@ -92,7 +92,6 @@ def test_a_level_yard_with_walls_all_around_scores_for_water(around: Shape) -> N
     assert scored(cells, yard(*places(80)) < 13) == (1, 1, 1)
 
 
-@pytest.mark.xfail(reason="holes are filled over all extents at once, so the plain leaves the lake no ring")
 @pytest.mark.parametrize("bank_m", [0.3, 3.0])
 def test_a_lake_amid_a_level_plain_scores_for_water(bank_m: float) -> None:
     cells = made(lambda x, y: bank_m * np.clip(from_middle(x, y) - RADIUS_M, 0, 1))
@@ -123,7 +122,7 @@ def test_a_dead_level_plane_without_an_end_is_dry(side: int, per_m2: float) -> N
     "below",
     [
         0.05,
-        pytest.param(0.0, marks=pytest.mark.xfail(reason="cells of other extents are left out of the ring")),
+        0.0,
     ],
 )
 def test_a_level_terrace_that_drops_on_one_side_is_dry(drop_m: float, below: float) -> None:

@@ -104,7 +104,6 @@ def test_a_box_of_plants_is_as_probable_as_its_cells(row: int, probability: floa
     assert here.raised_m == 0
 
 
-@pytest.mark.xfail(reason="water that is suspected where no kind is likely is told as 0")
 def test_a_box_of_no_likely_kind_tells_its_suspicion_of_water_as_well() -> None:
     values = np.zeros((N_LAYERS, 3, 3), np.float32)
     values[WATER] = 0.3

@@ -56,14 +56,16 @@ class Tiles:
             now_s, max_age_s, self.west_m, self.south_m, self.cell_m, self.table, self.pool,
         )  # fmt: skip
 
-    def lose(self, rays: Floats, sensor: Floats, weight: float = 1.0, ground_m: float = 0.0) -> int:
+    def lose(
+        self, rays: Floats, sensor: Floats, weight: float = 1.0, ground_m: float = 0.0, now_s: float = 0.0
+    ) -> int:
         """Add rays without a return, each through a point; return how many counted."""
         n = len(rays)
         return add_lost(
             np.ascontiguousarray(rays, np.float64),
             np.tile(np.asarray(sensor, np.float64), (n, 1)),
             np.full(n, weight, np.float32),
-            ground_m, self.west_m, self.south_m, self.cell_m, self.table, self.pool,
+            ground_m, now_s, FOREVER_S, self.west_m, self.south_m, self.cell_m, self.table, self.pool,
         )  # fmt: skip
 
 

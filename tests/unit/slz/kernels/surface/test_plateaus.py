@@ -70,7 +70,7 @@ def test_edges_count_the_drops_of_a_block_and_hold_as_many_as_there_is_room_for(
     height[6:12, 6:14] = 4.0
     n, labels = connected(height, 0.3)
     drops, held = np.full((n + 1, 10), np.nan, np.float32), np.zeros(n + 1, np.int64)
-    known, down = edges(height, labels, n, 1.5, 4, drops, held)
+    known, down = edges(height, labels, np.zeros_like(labels), n, 1.5, 4, drops, held)
     own = labels[8, 8]
     assert known[own] == down[own] == 2 * (6 + 8)
     assert held[own] == 10

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from slz.kernels.surface.shores import DOWN, EVEN, UP, around_shores, flood, grow
+from slz.kernels.surface.shores import DOWN, EVEN, UP, around_shore, flood, grow
 
 LEVEL, LEAST, DEEPEST = np.array([np.nan, 0.0, 1.0]), 0.01, 0.4
 
@@ -50,10 +50,9 @@ def test_shores_are_counted_by_kind_and_by_the_directions_that_rise() -> None:
     mean = np.where(row > 0, 1.0, np.where(col > 0, -1.0, 0.0)).astype(np.float32)
     seen = np.ones(ring.shape, np.bool_)
     seen[:, 28:] = False
-    middle, sides = np.full((2, 2), 20.0), np.zeros(2, np.int64)
-    count = around_shores(ring, seen, mean, LEVEL[:2], middle, 0.1, 12, sides)
-    there = (ring > 0) & seen
+    there, count = (ring > 0) & seen, np.zeros(3, np.int64)
+    sides = around_shore(there, mean, LEVEL[1], 20.0, 20.0, 0.1, np.inf, 12, count)
     expected = {UP: mean > 0.5, DOWN: mean < -0.5, EVEN: mean == 0}
     for kind, cells in expected.items():
-        assert count[1, kind] == np.count_nonzero(cells & there)
-    assert sides.tolist() == [0, 5]  # of the six to the north, that to the east was not seen
+        assert count[kind] == np.count_nonzero(cells & there)
+    assert sides == 5  # of the six to the north, that to the east was not seen

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from companion.desk.survey.tiled.surface_parts import SurfaceParts
+from companion.desk.survey.tiled.surface_parts import SIDE, SurfaceParts
 from companion.desk.survey.tiled.tile_store import Store
 from companion.desk.survey.tiled.tiled_survey import Surveyed
 from slz import Box
@@ -41,7 +41,6 @@ CLOUD = cloud()
 
 
 def survey(folder: Path, tile_m: float | None = None, **fields: Any) -> Surveyed:
-    folder.mkdir(exist_ok=True)
     path = write(
         folder / "a.las", CLOUD, classification=fields.pop("kinds", np.full(len(CLOUD), 1)), **fields
     )
@@ -93,6 +92,15 @@ def test_the_surface_is_the_same_for_any_order_of_points_in_any_files(lake: Surv
         np.testing.assert_array_equal(values, expected[name], name)
 
 
+def test_a_lake_across_the_edge_of_a_part_is_the_same_lake(lake: Surveyed, tmp_path: Path) -> None:
+    """The edge leaves a strip of 5 m of it, too small for a lake of its own."""
+    edge = np.ceil(CORNER[0] / SIDE) * SIDE
+    moved = CLOUD + np.array([edge - CORNER[0] - LAKE_M[0] - RADIUS_M + 5, 0, 0])
+    found = surveyed([write(tmp_path / "a.las", moved)], tmp_path / "work")
+    assert len(list(found.layout.surface.folder.iterdir())) == 2
+    np.testing.assert_allclose(maps(found)["water"], maps(lake)["water"], atol=1e-3)
+
+
 def test_a_place_is_told_as_its_cells_are(lake: Surveyed) -> None:
     store, whole = Store(lake.layout), lake.layout.whole
     offset = CORNER[:2] - np.array([whole.col0, whole.row0]) * lake.layout.cell_m
@@ -113,6 +121,18 @@ def test_buildings_are_roofs_and_trees_are_canopy_by_their_class(tmp_path: Path)
         away = np.maximum(*distances(found, middle))
         assert (kind[away < HALF_M - 1] == expected).mean() > 0.9
         assert not (kind[(away > HALF_M + 1) & (away < HALF_M + 4)] == expected).any()
+
+
+def test_an_unclassified_crop_is_low_vegetation_by_the_depths_of_its_returns(tmp_path: Path) -> None:
+    rng, grown = np.random.default_rng(2), CLOUD.copy()
+    crop = within(CLOUD[:, :2] - CORNER[:2], WOOD_M, 2 * HALF_M)
+    grown[crop, 2] += 0.8 - np.minimum(rng.exponential(0.3, np.count_nonzero(crop)), 0.8)
+    found = surveyed([write(tmp_path / "a.las", grown)], tmp_path / "work")
+    whole, cell_m = found.layout.whole, found.layout.cell_m
+    at = CORNER[:2] + WOOD_M - np.array([whole.col0, whole.row0]) * cell_m
+    here = Store(found.layout).surface_at(np.array([*at, 0.0]), HALF_M)
+    assert here.kind is SurfaceKind.LOW_VEGETATION
+    assert here.probability > 0.8
 
 
 def test_nothing_is_told_where_no_part_is(lake: Surveyed, tmp_path: Path) -> None:
