@@ -9,20 +9,17 @@ from sitl.scenes import (
     dense,
     dust_out,
     flat_roofs,
-    flooded_field,
     hill,
-    lakes,
     landing_site,
     maize,
     mountains,
     plain,
-    ponds,
-    river,
     snowfield,
     stadium,
     streets,
 )
 from sitl.scenes.scene import Polygon, Scene
+from sitl.scenes.water import flooded_field, lakes, ponds, river
 
 __all__ = ["NAMES", "Polygon", "Scene", "build"]
 

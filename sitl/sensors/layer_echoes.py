@@ -1,6 +1,6 @@
 """Echoes of a beam from water, wet surfaces, plants and snow, and what a receiver reports of them.
 
-The beam is `PARTS` equal parts, each of which meets a leaf of its own or passes. So one pulse has up to
+The beam is `PARTS` equal parts; each meets a leaf of its own or passes. So one pulse has up to
 `PARTS` + 2 echoes: leaves, water, and the ground or the bottom below. Those closer than the length of the
 pulse add up and have one range, weighted by their power.
 """

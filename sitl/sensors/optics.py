@@ -59,7 +59,7 @@ class Reach:
         return detected
 
     def faint(self, bright: F64) -> F64:
-        """Return the brightness for `detected` of echoes of which less than 10 % returns.
+        """Return the brightness for `detected` of echoes that return less than 10 %.
 
         Two ranges of a data sheet give the exponent between them, where the receiver's dynamics count. Below,
         the range is that at which the power, bright / range^2, is the one of 10 %.

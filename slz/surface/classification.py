@@ -12,7 +12,7 @@ from slz.surface.penetration import DEPTH_M, penetration
 from slz.surface.raised_plateaus import raised_plateaus
 from slz.surface.surface_cells import Floats, SurfaceCells
 from slz.surface.surface_kinds import SurfaceKind
-from slz.surface.surface_layers import SurfaceLayers
+from slz.surface.surface_probabilities import SurfaceLayers
 from slz.surface.survey_classes import SurveyClasses
 from slz.surface.vanishing_returns import vanishing_returns
 

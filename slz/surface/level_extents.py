@@ -78,7 +78,7 @@ def level_extents(cells: SurfaceCells) -> LevelExtents:
 
 
 def fine_extents(cells: SurfaceCells) -> LevelExtents:
-    """Find the extents of one level in the cells as they are."""
+    """Find the extents of one level in cells of the given size."""
     return _extents(cells, RESIDUAL_M)
 
 

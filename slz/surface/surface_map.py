@@ -17,7 +17,7 @@ from slz.kernels.surface.surface_record import COUNT, SURFACE_FIELDS, TIME
 from slz.surface.classification import classify
 from slz.surface.surface_cells import SurfaceCells
 from slz.surface.surface_kinds import SurfaceHere
-from slz.surface.surface_layers import N_LAYERS, SHAPE, SurfaceLayers
+from slz.surface.surface_probabilities import N_LAYERS, SHAPE, SurfaceLayers
 
 Key = tuple[int, int]
 Edges = tuple[float, float, float, float]

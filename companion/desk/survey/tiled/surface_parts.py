@@ -1,6 +1,6 @@
 """Surface of a survey: what the ground is, told in squares of a fixed lattice, with their surroundings.
 
-A square and the `MARGIN` around it are told from all their points at once, because a lake is known by its
+A square and the `MARGIN` around it are classified from all their points at once, because a lake is known by its
 extent and its shores. The squares are those of the CRS, so the result is the same for any tile size.
 """
 
@@ -37,8 +37,8 @@ from slz.kernels.survey.surface_sums import BUILDING, CLASSES, LOW_PLANT, TALL_P
 from slz.surface.classification import classify
 from slz.surface.surface_cells import SurfaceCells
 from slz.surface.surface_kinds import SurfaceHere
-from slz.surface.surface_layers import N_LAYERS, SurfaceLayers
 from slz.surface.surface_map import CELL_M
+from slz.surface.surface_probabilities import N_LAYERS, SurfaceLayers
 from slz.surface.survey_classes import SurveyClasses
 
 SIDE, MARGIN = 1024, 256  # surface cells

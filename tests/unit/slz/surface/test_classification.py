@@ -22,7 +22,7 @@ from slz.kernels.surface.surface_record import (
 from slz.surface.classification import classify
 from slz.surface.surface_cells import SurfaceCells
 from slz.surface.surface_kinds import SurfaceKind
-from slz.surface.surface_layers import CANOPY, KIND, RAISED, WATER
+from slz.surface.surface_probabilities import CANOPY, KIND, RAISED, WATER
 from tests.unit.slz.surface.made_ground import (
     SUSPICION,
     emptied,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import params
 from slz.surface.surface_kinds import SurfaceHere, SurfaceKind
-from slz.surface.surface_layers import (
+from slz.surface.surface_probabilities import (
     CANOPY,
     KIND,
     LOW_VEGETATION,
