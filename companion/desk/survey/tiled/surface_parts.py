@@ -1,7 +1,7 @@
 """Surface of a survey: what the ground is, told in squares of a fixed lattice, with their surroundings.
 
-A square and the `MARGIN` around it are classified from all their points at once, because a lake is known by its
-extent and its shores. The squares are those of the CRS, so the result is the same for any tile size.
+A square and the `MARGIN` around it are classified from all their points at once, because a lake is known by
+its extent and its shores. The squares are those of the CRS, so the result is the same for any tile size.
 """
 
 from __future__ import annotations
