@@ -63,7 +63,7 @@ class Ouster(PulseLidar):
         See ``PulseLidar``; by default mounted with its axis forward, so that it looks down and to both sides.
     point_rate_hz
         Pulses per second that are traced into the world, in whole columns; an OS1 fires 163 840, an OS0
-        327 680, and the others find nothing. None traces all.
+        327 680, and the other columns are sent as not valid. None traces all.
     model
         `OS1` or `OS0`.
     dual
