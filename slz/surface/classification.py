@@ -54,7 +54,7 @@ def classify(
     log_odds = SCORE_WATER + np.where(vanishing > 0, np.maximum(level, MOST_ACQUITTAL), level) + vanishing
     sloping = np.where(level > 0, 0, _sloping(cells))  # at its shore the window of a plane holds the bank
     log_odds += np.where(vanishing > CLEAR, np.maximum(sloping, LEAST_SLOPING), sloping)
-    there = cells.seen | (extents.labels > 0)
+    there = cells.seen | on_level
     water = with_flooded_ground(np.where(there, _probability(log_odds), 0), cells, extents)
     for_plants, for_roof = plants.log_odds, plateaus.log_odds
     tall = np.clip((plants.depth_m - DEPTH_M) / 0.5 + 0.5, 0, 1)

@@ -136,10 +136,12 @@ class SurfaceMap:
                 ground_m, now_s, self._parameters.max_age_s, west, south, self.cell_m, table, self._pool,
             )  # fmt: skip
         self._n_updates += 1
-        around_m = FAR_AROUND_M if self._n_updates % EVERY == 1 else AROUND_M
-        parts, given_up = _parts(low, high), self._given_up
+        due, changed = self._n_updates % EVERY == 1, self._given_up
         self._given_up = []
-        return given_up + [edges for part in parts for edges in self._classify(*part, around_m, now_s)]
+        for part in _parts(low, high):
+            far = due or self._is_outdated(self._box(*part, AROUND_M), now_s)
+            changed += self._classify(self._box(*part, FAR_AROUND_M if far else AROUND_M), far, now_s)
+        return changed
 
     def refused(
         self, west_m: float, south_m: float, cell_m: float, rows: int, cols: int
@@ -205,11 +207,19 @@ class SurfaceMap:
         self._free.append(slot)
         return True
 
-    def _classify(self, low: Points, high: Points, around_m: float, now_s: float) -> list[Edges]:
-        """Classify a box of cells; return the edges of the tiles in which other cells are refused now."""
+    def _box(self, low: Points, high: Points, around_m: float) -> Box:
+        """Return the cells of a rectangle and around it."""
         row0, col0 = self._cell(*(low - around_m).tolist())
         row1, col1 = self._cell(*(high + around_m).tolist())
-        box = Box(row0, row1 + 1, col0, col1 + 1)
+        return Box(row0, row1 + 1, col0, col1 + 1)
+
+    def _is_outdated(self, box: Box, now_s: float) -> bool:
+        """Return whether a far look told a SHAPE in a box so long ago that it must be told anew."""
+        told = self._read(box).values[SHAPE] != 0
+        return bool((told & (self._shape(box, now_s) == 0)).any())
+
+    def _classify(self, box: Box, far: bool, now_s: float) -> list[Edges]:
+        """Classify a box of cells; return the edges of the tiles in which other cells are refused now."""
         fields = np.zeros((*box.shape, SURFACE_FIELDS), np.float32)
         parts = [(key, *_overlap(key, box)) for key in _keys_over(box) if key in self._slot]
         for key, here, there in parts:
@@ -217,9 +227,11 @@ class SurfaceMap:
         fields[now_s - fields[..., TIME] > self._parameters.max_age_s] = 0
         if not fields[..., COUNT].any():
             return []
-        shape = None if around_m >= FAR_AROUND_M else self._shape(box, now_s)
+        shape = None if far else self._shape(box, now_s)
         cells = SurfaceCells(np.ascontiguousarray(np.moveaxis(fields, 2, 0)), self.cell_m)
         found = classify(cells, None, shape)
+        if shape is not None:  # only a far look is remembered
+            found.values[SHAPE] = shape
         changed = []
         side = self.cell_m * SIDE
         for key, here, there in parts:

@@ -10,7 +10,7 @@ import pytest
 import params
 from slz.kernels.surface.add_returns import SIDE
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceKind
-from slz.surface.surface_map import LEAST_TILES, NO_SIGNAL, Edges, Signal, SurfaceMap
+from slz.surface.surface_map import LEAST_TILES, NO_SIGNAL, SHAPE_S, Edges, Signal, SurfaceMap
 from tests.unit.slz.surface.made_ground import Flags, Floats, from_middle, lake, returns_of
 
 EVERYWHERE = (-1e5, -1e5, 1e5, 1e5)
@@ -154,6 +154,20 @@ def n_refused_by_lost_rays(now_s: float) -> int:
     shown(surface, pond(), now_s)
     shown(surface, pond(), now_s + 1, lost_over(6))
     return int(np.count_nonzero(around(surface)))
+
+
+def test_a_lake_told_long_ago_stays_refused_while_its_middle_is_seen_again() -> None:
+    """A near look does not reach the shores; what a far one told of them is older than it may be kept."""
+    surface = SurfaceMap(WEST_M, SOUTH_M, params.load("quadcopter", ["cell_m=0.5", "max_age_s=300"]))
+    wide = returns_of(lake(30.0), 80, 4)
+    amid = wide[from_middle(wide[:, 0], wide[:, 1]) < 3]
+    shown(surface, wide)
+    x, y = np.meshgrid(np.arange(200) + WEST_M - 49.5, np.arange(200) + SOUTH_M - 49.5)
+    water = from_middle(x, y) < 27
+    assert around(surface)[water].all()
+    for now_s in (1.0, 2.0 * SHAPE_S, 2.0 * SHAPE_S + 1, 2.0 * SHAPE_S + 2):
+        shown(surface, amid, now_s)
+        assert around(surface)[water].all()
 
 
 def test_rays_lost_over_a_pond_make_it_refused() -> None:
