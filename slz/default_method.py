@@ -13,6 +13,7 @@ from params import Parameters
 from slz.adaptive import COARSEST, Adapter, Choice
 from slz.concurrency import run_concurrently
 from slz.frame import is_known
+from slz.grid import Edges
 from slz.kernels.points.range_gate import are_usable, beyond, heights_of, picked, usable
 from slz.landing_point.judgement import SelectedPoint, unknown
 from slz.map_pair import MapPair
@@ -31,7 +32,7 @@ from slz.prior import Prior
 from slz.prior import Source as PriorSource
 from slz.report import MapReport
 from slz.stage_clock import StageClock
-from slz.surface.surface_map import NO_SIGNAL, Edges, Signal, SurfaceMap
+from slz.surface.surface_map import NO_SIGNAL, Signal, SurfaceMap
 from slz.window import Window
 from slz.zones.zone_map import ZoneMap
 

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 T = TypeVar("T", bound=np.generic)
+Edges = tuple[float, float, float, float]
+"""West, south, east and north edge of a rectangle (m)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +85,16 @@ def hull(boxes: Sequence[Box]) -> Box:
         min(box.col0 for box in held),
         max(box.col1 for box in held),
     )
+
+
+def common(a: Box, b: Box) -> Box:
+    """Return the intersection of two boxes; it may be empty."""
+    return Box(max(a.row0, b.row0), min(a.row1, b.row1), max(a.col0, b.col0), min(a.col1, b.col1))
+
+
+def within(inner: Box, outer: Box) -> tuple[slice, slice]:
+    """Return the slices of a box in the array of a box around it."""
+    return inner.relative_to(outer).slices
 
 
 def box_of_cells(rows_cols: NDArray[np.integer]) -> Box:

@@ -23,7 +23,8 @@ from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 from slz.terrain.demand_zero import demand_zeros, prefault_range
 from slz.terrain.footing import ANY_FOOTING, Footing
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
-from slz.terrain.tiles import SERIALS, Key, box_of_tile, keys_over
+from slz.terrain.tiles import SERIALS
+from slz.tile_keys import Key, box_of_tile, keys_over
 
 UNKNOWN_POSITION = np.full(3, np.nan)
 EMPTY_BOX = Box(0, 0, 0, 0)

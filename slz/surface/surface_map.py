@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.grid import Box
-from slz.kernels.surface.add_returns import SIDE, add_lost, add_returns, tiles_hit
+from slz.grid import Box, Edges, common, within
+from slz.kernels.cells.cell_record import TILE
+from slz.kernels.surface.add_returns import add_lost, add_returns, tiles_hit
 from slz.kernels.surface.surface_record import COUNT, SURFACE_FIELDS, TIME
 from slz.surface.classification import classify
 from slz.surface.surface_cells import SurfaceCells
 from slz.surface.surface_kinds import SurfaceHere
 from slz.surface.surface_probabilities import N_LAYERS, SHAPE, SurfaceLayers
+from slz.tile_keys import Key, box_of_tile, keys_over
 
-Key = tuple[int, int]
-Edges = tuple[float, float, float, float]
 Points = NDArray[np.float64]
 CELL_M = 1.0  # least side of a surface cell
 AROUND_M = 16.0  # beyond the returns of a window, within which cells are classified with them
@@ -28,7 +28,7 @@ EVERY, FAR_AROUND_M = 4, 60.0  # updates, after which shores farther off are loo
 SHAPE_S = 60.0  # time for which what they told is kept
 PART_M = 1024.0  # side of a square that is classified at a time
 SHARE = 1 / 20  # of the memory for evidence
-TILE_BYTES = SIDE * SIDE * 4 * (SURFACE_FIELDS + N_LAYERS + 1)
+TILE_BYTES = TILE * TILE * 4 * (SURFACE_FIELDS + N_LAYERS + 1)
 LEAST_TILES = 16
 FOOT_M = 10.0  # around the vehicle, in which the ground that lost rays met is sought
 
@@ -78,9 +78,9 @@ class SurfaceMap:
         self.cell_m = parameters.cell_m * max(1, round(CELL_M / parameters.cell_m))
         self._parameters = parameters
         capacity = max(LEAST_TILES, int(parameters.memory_mb * SHARE * 2**20 / TILE_BYTES))
-        self._pool = np.zeros((capacity, SIDE, SIDE, SURFACE_FIELDS), np.float32)
-        self._layers = np.zeros((capacity, N_LAYERS, SIDE, SIDE), np.float32)
-        self._shape_s = np.full((capacity, SIDE, SIDE), -np.inf, np.float32)
+        self._pool = np.zeros((capacity, TILE, TILE, SURFACE_FIELDS), np.float32)
+        self._layers = np.zeros((capacity, N_LAYERS, TILE, TILE), np.float32)
+        self._shape_s = np.full((capacity, TILE, TILE), -np.inf, np.float32)
         self._n_refused = np.zeros(capacity, np.int64)
         self._n_updates = 0
         self._given_up: list[Edges] = []
@@ -116,7 +116,7 @@ class SurfaceMap:
         if not len(near):
             return []
         low, high = near[:, :2].min(axis=0), near[:, :2].max(axis=0)
-        side = self.cell_m * SIDE
+        side = self.cell_m * TILE
         first = np.floor((low - (self.west_m, self.south_m)) / side).astype(np.int64)
         last = np.floor((high - (self.west_m, self.south_m)) / side).astype(np.int64)
         corner, shape = (int(first[1]), int(first[0])), (last - first + 1)[::-1]
@@ -154,7 +154,7 @@ class SurfaceMap:
             np.int64
         )
         box = Box(int(row[0]), int(row[-1]) + 1, int(col[0]), int(col[-1]) + 1)
-        keys = [key for key in _keys_over(box) if key in self._slot]
+        keys = [key for key in keys_over(box) if key in self._slot]
         if not any(self._n_refused[self._slot[key]] for key in keys):
             return None
         out = self._read(box).refused(self._parameters)
@@ -198,7 +198,7 @@ class SurfaceMap:
             return False
         slot = self._slot.pop(old)
         if self._n_refused[slot]:
-            side = self.cell_m * SIDE
+            side = self.cell_m * TILE
             west, south = self.west_m + old[1] * side, self.south_m + old[0] * side
             self._given_up.append((west, south, west + side, south + side))
         self._pool[slot], self._layers[slot], self._n_refused[slot] = 0, 0, 0
@@ -221,7 +221,7 @@ class SurfaceMap:
     def _classify(self, box: Box, far: bool, now_s: float) -> list[Edges]:
         """Classify a box of cells; return the edges of the tiles in which other cells are refused now."""
         fields = np.zeros((*box.shape, SURFACE_FIELDS), np.float32)
-        parts = [(key, *_overlap(key, box)) for key in _keys_over(box) if key in self._slot]
+        parts = [(key, *_overlap(key, box)) for key in keys_over(box) if key in self._slot]
         for key, here, there in parts:
             fields[there] = self._pool[self._slot[key]][here]
         fields[now_s - fields[..., TIME] > self._parameters.max_age_s] = 0
@@ -233,7 +233,7 @@ class SurfaceMap:
         if shape is not None:  # only a far look is remembered
             found.values[SHAPE] = shape
         changed = []
-        side = self.cell_m * SIDE
+        side = self.cell_m * TILE
         for key, here, there in parts:
             slot = self._slot[key]
             layers = SurfaceLayers(self._layers[slot])
@@ -260,7 +260,7 @@ class SurfaceMap:
         """Return the SHAPE that a far look told not long ago, 0 elsewhere."""
         out = np.zeros(box.shape, np.float32)
         longest_s = min(SHAPE_S, self._parameters.max_age_s)
-        for key in _keys_over(box):
+        for key in keys_over(box):
             if key in self._slot:
                 slot, (here, there) = self._slot[key], _overlap(key, box)
                 young = now_s - self._shape_s[slot][here] <= longest_s
@@ -269,7 +269,7 @@ class SurfaceMap:
 
     def _read(self, box: Box) -> SurfaceLayers:
         out = np.zeros((N_LAYERS, *box.shape), np.float32)
-        for key in _keys_over(box):
+        for key in keys_over(box):
             if key in self._slot:
                 here, there = _overlap(key, box)
                 out[(slice(None), *there)] = self._layers[self._slot[key]][(slice(None), *here)]
@@ -291,20 +291,8 @@ def _parts(low: Points, high: Points) -> Iterator[tuple[Points, Points]]:
         yield corner, np.minimum(corner + PART_M, high)
 
 
-def _keys_over(box: Box) -> list[Key]:
-    return [
-        (row, col)
-        for row in range(box.row0 // SIDE, (box.row1 - 1) // SIDE + 1)
-        for col in range(box.col0 // SIDE, (box.col1 - 1) // SIDE + 1)
-    ]
-
-
 def _overlap(key: Key, box: Box) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
     """Return the common cells of a tile and a box, in the tile and in the box."""
-    row0, row1 = max(key[0] * SIDE, box.row0), min((key[0] + 1) * SIDE, box.row1)
-    col0, col1 = max(key[1] * SIDE, box.col0), min((key[1] + 1) * SIDE, box.col1)
-    south, west = key[0] * SIDE, key[1] * SIDE
-    return (
-        (slice(row0 - south, row1 - south), slice(col0 - west, col1 - west)),
-        (slice(row0 - box.row0, row1 - box.row0), slice(col0 - box.col0, col1 - box.col0)),
-    )
+    own = box_of_tile(key)
+    part = common(own, box)
+    return within(part, own), within(part, box)

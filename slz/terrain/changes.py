@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from slz.kernels.cells.cell_record import TILE
 from slz.terrain.layers import Output, reaching
 from slz.terrain.terrain_view import DisplayedTerrain
-from slz.terrain.tiles import Key
+from slz.tile_keys import Key
 
 DISPLAYED = tuple(layer.name for layer in reaching(Output.PAGE))
 

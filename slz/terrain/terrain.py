@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.grid import Box, Grid, hull
+from slz.grid import Box, Edges, Grid, hull
 from slz.kernels.cells.cell_record import TILE
 from slz.kernels.cells.cell_statistics import summary
 from slz.kernels.cells.resolution_pyramid import downsample
@@ -40,7 +40,8 @@ from slz.terrain.terrain_maps import SAFE
 from slz.terrain.terrain_view import UnboundedTerrain, cells_within
 from slz.terrain.thin_objects import ThinObjects
 from slz.terrain.tiled_raster import Block, TiledLayers
-from slz.terrain.tiles import SERIALS, Change, Key, Noise, Tiles, box_of_tile, keys_over
+from slz.terrain.tiles import SERIALS, Change, Noise, Tiles
+from slz.tile_keys import Key, box_of_tile, keys_over
 
 AGEING = 0.1  # share of `max_age_s` for which a cell that became too old may still be shown
 PATIENCE = 0.7  # share of that time before which no tile is derived again for its age
@@ -49,7 +50,6 @@ DERIVED_BLOCK = 512  # cells along the side of a box that is derived at a time
 MIB = 2.0**20
 BLOCK = 16  # cells along the side of what is derived again for a thin object
 State = NDArray[np.uint8]
-Edges = tuple[float, float, float, float]
 
 
 class Surface(Protocol):

@@ -11,7 +11,7 @@ from slz.grid import Box, Grid
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 from slz.terrain.footing import ANY_FOOTING, Footing
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
-from slz.terrain.tiles import Key
+from slz.tile_keys import Key
 
 Floats = NDArray[np.float32]
 

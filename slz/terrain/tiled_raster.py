@@ -16,7 +16,8 @@ from slz.kernels.raster.bitmap import Bits
 from slz.terrain.demand_zero import demand_zeros, prefault_range
 from slz.terrain.derive import CoveredCells
 from slz.terrain.terrain_maps import UNKNOWN
-from slz.terrain.tiles import SERIALS, Key, keys_over, tiles_over
+from slz.terrain.tiles import SERIALS
+from slz.tile_keys import Key, keys_over, tiles_over
 
 FEWEST_TILES, MOST_TILES = 64, 4096  # tiles of the first block
 NO_VERSION = -1  # version of a tile that is not held

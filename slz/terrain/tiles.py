@@ -24,8 +24,8 @@ from slz.kernels.cells.cell_record import COUNT, FIELDS, TILE, TIME
 from slz.kernels.cells.cell_statistics import summarise
 from slz.kernels.points.clutter import ground_and_rays
 from slz.terrain.demand_zero import prefault_range
+from slz.tile_keys import Key, box_of_tile, keys_over, tiles_over
 
-Key = tuple[int, int]
 TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
 LINE_BYTES = 64  # of a cache line; the size of a cell's evidence
 LEAP_S = 100_000.0
@@ -286,22 +286,3 @@ def _aligned(shape: tuple[int, ...]) -> NDArray[np.float32]:
     whole = np.zeros(size + LINE_BYTES // 4, np.float32)
     first = -whole.ctypes.data % LINE_BYTES // 4
     return whole[first : first + size].reshape(shape)
-
-
-def keys_over(box: Box) -> tuple[Key, ...]:
-    """Return the keys of the tiles that a box of cells touches."""
-    if box.empty:
-        return ()
-    (row, col), (rows, cols) = tiles_over(box)
-    return tuple(itertools.product(range(row, row + rows), range(col, col + cols)))
-
-
-def box_of_tile(key: Key) -> Box:
-    """Return the cells of a tile."""
-    return Box(key[0] * TILE, (key[0] + 1) * TILE, key[1] * TILE, (key[1] + 1) * TILE)
-
-
-def tiles_over(box: Box) -> tuple[Key, tuple[int, int]]:
-    """Return the first tile of a box, and the number of rows and columns of tiles."""
-    row, col = box.row0 // TILE, box.col0 // TILE
-    return (row, col), ((box.row1 - 1) // TILE - row + 1, (box.col1 - 1) // TILE - col + 1)

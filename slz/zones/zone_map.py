@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.grid import Grid
-from slz.terrain.terrain import Edges, EvidenceTerrain
+from slz.grid import Edges, Grid
+from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.tiles import Tiles
 from slz.zone import Zone
 from slz.zones.description import Content, describe

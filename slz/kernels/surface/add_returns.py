@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array4D, Float32, ReadOnly1D
+from slz.kernels.cells.cell_record import TILE, TILE_BITS
 from slz.kernels.jit import kernel
 from slz.kernels.surface.surface_record import (
     ANSWER_M,
@@ -36,8 +37,6 @@ from slz.kernels.surface.surface_record import (
     TOLD,
 )
 
-SIDE_BITS = 6
-SIDE = 1 << SIDE_BITS  # cells along the side of a tile
 MOST_COUNT = np.float32(50_000)  # returns of a cell, above which all its sums are halved
 SLANTED_TAN2 = math.tan(math.radians(SLANTED_DEG)) ** 2
 OBLIQUE_TAN2 = math.tan(math.radians(OBLIQUE_DEG)) ** 2
@@ -52,7 +51,7 @@ def tiles_hit(
     points: Array2D[np.float64], west: float, south: float, cell: float, hit: Array2D[np.bool_]
 ) -> None:
     """Mark the tiles that hold a point; tile (0, 0) begins at (west, south), points elsewhere are skipped."""
-    rows, cols, side = hit.shape[0], hit.shape[1], cell * SIDE
+    rows, cols, side = hit.shape[0], hit.shape[1], cell * TILE
     for i in range(len(points)):
         r, c = np.floor((points[i, 1] - south) / side), np.floor((points[i, 0] - west) / side)
         if r >= 0.0 and c >= 0.0 and r < rows and c < cols:
@@ -90,19 +89,19 @@ def add_returns(
     echoes
         (n,) number of returns of the ray, 0 where unknown; or empty.
     table, pool
-        Slot of each tile, -1 for none, from (west, south) on, and (slots, SIDE, SIDE, SURFACE_FIELDS).
+        Slot of each tile, -1 for none, from (west, south) on, and (slots, TILE, TILE, SURFACE_FIELDS).
     """
-    rows, cols, known = table.shape[0] * SIDE, table.shape[1] * SIDE, len(origin) > 0
+    rows, cols, known = table.shape[0] * TILE, table.shape[1] * TILE, len(origin) > 0
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         row, col = np.floor((y - south) / cell), np.floor((x - west) / cell)
         if not (row >= 0.0 and col >= 0.0 and row < rows and col < cols):
             continue
         r, c = int(row), int(col)
-        slot = table[r >> SIDE_BITS, c >> SIDE_BITS]
+        slot = table[r >> TILE_BITS, c >> TILE_BITS]
         if slot < 0:
             continue
-        held = pool[slot, r & (SIDE - 1), c & (SIDE - 1)]
+        held = pool[slot, r & (TILE - 1), c & (TILE - 1)]
         if now_s - held[TIME] > max_age_s:
             for f in range(SURFACE_FIELDS):
                 held[f] = 0
@@ -164,7 +163,7 @@ def add_lost(
     weights
         (n,), number of rays that each stands for.
     """
-    rows, cols, n = table.shape[0] * SIDE, table.shape[1] * SIDE, 0
+    rows, cols, n = table.shape[0] * TILE, table.shape[1] * TILE, 0
     for i in range(len(rays)):
         east, north, up = origins[i, 0], origins[i, 1], origins[i, 2]
         dx, dy, dz = rays[i, 0] - east, rays[i, 1] - north, up - rays[i, 2]
@@ -182,10 +181,10 @@ def add_lost(
             if not (t > 0.0 and row >= 0.0 and col >= 0.0 and row < rows and col < cols):
                 break
             r, c = int(row), int(col)
-            slot = table[r >> SIDE_BITS, c >> SIDE_BITS]
+            slot = table[r >> TILE_BITS, c >> TILE_BITS]
             if slot < 0:
                 break
-            held = pool[slot, r & (SIDE - 1), c & (SIDE - 1)]
+            held = pool[slot, r & (TILE - 1), c & (TILE - 1)]
             if held[COUNT] == 0:
                 break
             height = float(held[MEAN])
@@ -194,7 +193,7 @@ def add_lost(
         if slot >= 0 and drop > 0.0 and range2 <= FARTHEST_M * FARTHEST_M:
             share = min(1.0, ANSWER_M * ANSWER_M / range2)
             field = LOST_OBLIQUE if tan2 >= OBLIQUE_TAN2 else LOST_SLANTED
-            held = pool[slot, r & (SIDE - 1), c & (SIDE - 1)]
+            held = pool[slot, r & (TILE - 1), c & (TILE - 1)]
             if now_s - held[TIME] > max_age_s:
                 for f in range(SURFACE_FIELDS):
                     held[f] = 0

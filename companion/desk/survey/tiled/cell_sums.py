@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from companion.desk.survey.tiled import array_file
 from companion.desk.survey.tiled.census import EVERYTHING
-from companion.desk.survey.tiled.lattice import UNIT_M, block_box, common, grown
+from companion.desk.survey.tiled.lattice import UNIT_M, block_box, grown
 from slz import Box
+from slz.grid import common
 from slz.kernels.survey.point_binning import BLOCK, join
 from slz.points.outliers import CLOUD_GROUP, in_cluster
 

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from companion.desk.survey.tiled import array_file
 from companion.desk.survey.tiled.cell_sums import Sums, join_cell_sums
-from companion.desk.survey.tiled.lattice import UNIT_M, block_box, common, grown, within
+from companion.desk.survey.tiled.lattice import UNIT_M, block_box, grown
 from companion.desk.survey.tiled.surface_parts import SurfaceParts
 from params import Parameters
 from slz import UNKNOWN, Box
+from slz.grid import common, within
 from slz.kernels.cells.cell_statistics import summary
 from slz.kernels.survey.point_binning import BLOCK, evidence_of
 from slz.terrain.derive import derive, reach_of

@@ -38,16 +38,3 @@ def block_box(row: int, col: int) -> Box:
 def grown(box: Box, cells: int) -> Box:
     """Return a box grown by a margin."""
     return Box(box.row0 - cells, box.row1 + cells, box.col0 - cells, box.col1 + cells)
-
-
-def common(a: Box, b: Box) -> Box:
-    """Return the intersection of two boxes; it may be empty."""
-    return Box(max(a.row0, b.row0), min(a.row1, b.row1), max(a.col0, b.col0), min(a.col1, b.col1))
-
-
-def within(inner: Box, outer: Box) -> tuple[slice, slice]:
-    """Return the slices of a box in the array of a box around it."""
-    return (
-        slice(inner.row0 - outer.row0, inner.row1 - outer.row0),
-        slice(inner.col0 - outer.col0, inner.col1 - outer.col0),
-    )

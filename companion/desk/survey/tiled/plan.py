@@ -18,12 +18,13 @@ from companion.desk.clouds.crs import from_option
 from companion.desk.clouds.las import LasSource
 from companion.desk.survey.tiled import array_file
 from companion.desk.survey.tiled.derive_tiles import Tile
-from companion.desk.survey.tiled.lattice import Lattice, common, grown
+from companion.desk.survey.tiled.lattice import Lattice, grown
 from companion.desk.survey.tiled.sort_points import Piece
 from companion.desk.survey.tiled.tile_store import Key, TileLayout
 from companion.runtime.errors import UsageError
 from params import Parameters
 from slz import Box
+from slz.grid import common
 from slz.kernels.survey.point_binning import BLOCK
 
 PIECE = 4_000_000  # points sorted at a time

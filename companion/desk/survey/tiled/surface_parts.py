@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 
 from companion.desk.survey.tiled import array_file
 from companion.desk.survey.tiled.cell_sums import segments
-from companion.desk.survey.tiled.lattice import UNIT_M, block_box, common, grown
+from companion.desk.survey.tiled.lattice import UNIT_M, block_box, grown
 from params import Parameters
 from slz import Box
+from slz.grid import common, within
 from slz.kernels.surface.surface_record import (
     APART_M,
     COUNT,
@@ -95,15 +96,7 @@ class SurfaceParts:
             own = Box(row * SIDE, (row + 1) * SIDE, col * SIDE, (col + 1) * SIDE)
             part = common(own, box)
             if values is not None:
-                here = (
-                    slice(part.row0 - own.row0, part.row1 - own.row0),
-                    slice(part.col0 - own.col0, part.col1 - own.col0),
-                )
-                there = (
-                    slice(part.row0 - box.row0, part.row1 - box.row0),
-                    slice(part.col0 - box.col0, part.col1 - box.col0),
-                )
-                out[(slice(None), *there)] = values[(slice(None), *here)]
+                out[(slice(None), *within(part, box))] = values[(slice(None), *within(part, own))]
         return SurfaceLayers(out)
 
     def over(self, box: Box) -> tuple[SurfaceLayers, NDArray[np.int64], NDArray[np.int64]]:

@@ -16,9 +16,9 @@ from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from companion.desk.survey.tiled.lattice import common, within
 from companion.desk.survey.tiled.tile_store import Key, Store, TileLayout
 from slz import SAFE, Box
+from slz.grid import common, within
 from slz.kernels.polygons.contour import squares
 
 NONE = np.iinfo(np.int64).max

@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.desk.survey.tiled import array_file
-from companion.desk.survey.tiled.lattice import common, within
 from companion.desk.survey.tiled.surface_parts import SurfaceParts
 from slz import UNKNOWN, Box, Grid
-from slz.grid import read_at
+from slz.grid import common, read_at, within
 from slz.surface.surface_kinds import SurfaceHere
 from slz.terrain.layers import NAMED
 from slz.terrain.terrain_view import UnboundedTerrain

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from companion.desk.survey.largest_square import centre_of
-from companion.desk.survey.tiled.lattice import common
 from companion.desk.survey.tiled.tile_labels import CandidateZone, Members
 from companion.desk.survey.tiled.tile_store import Store, TileLayout
 from companion.desk.survey.tiled.zone_file import DescribedZone, load, save
 from companion.flight.outputs.zone_outline import zone_polygon
 from params import Parameters
 from slz import Box
+from slz.grid import common
 from slz.kernels.polygons.contour import squares
 from slz.zones.description import Content, describe
 from slz.zones.detection import Candidate, search_components, side_in_cells

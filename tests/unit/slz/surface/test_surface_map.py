@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import params
-from slz.kernels.surface.add_returns import SIDE
+from slz.kernels.cells.cell_record import TILE
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceKind
 from slz.surface.surface_map import LEAST_TILES, NO_SIGNAL, SHAPE_S, Edges, Signal, SurfaceMap
 from tests.unit.slz.surface.made_ground import Flags, Floats, from_middle, lake, returns_of
@@ -190,7 +190,7 @@ def test_without_the_sensor_s_place_lost_rays_do_not_count() -> None:
 
 def test_a_small_memory_gives_up_the_tile_not_seen_for_longest() -> None:
     surface = new("memory_mb=16")
-    side_m = SIDE * surface.cell_m
+    side_m = TILE * surface.cell_m
     spot = 3 + returns_of(lambda x, _: 0.05 * x, 20, 4)
     where = [(k * side_m + WEST_M, SOUTH_M, 0.0) for k in range(LEAST_TILES + 1)]
     for now_s, corner in enumerate(where[:-1]):
@@ -208,7 +208,7 @@ def test_the_edges_returned_cover_what_a_tile_given_up_refused() -> None:
     assert around(surface).any()
     edges = []
     for k in range(LEAST_TILES):
-        corner = np.array([(k + 5) * SIDE * surface.cell_m + WEST_M, SOUTH_M, 0])
+        corner = np.array([(k + 5) * TILE * surface.cell_m + WEST_M, SOUTH_M, 0])
         edges += shown(surface, spot + corner, 0.1 * (k + 1))
     assert not around(surface).any()
     assert edges
@@ -216,7 +216,7 @@ def test_the_edges_returned_cover_what_a_tile_given_up_refused() -> None:
 
 def test_a_window_of_more_tiles_than_memory_has_is_mapped_as_far_as_it_goes() -> None:
     surface = new("memory_mb=16")
-    side_m = SIDE * surface.cell_m
+    side_m = TILE * surface.cell_m
     spot = 3 + returns_of(lambda x, _: 0.05 * x, 10, 4)
     where = [(k * side_m + WEST_M, SOUTH_M, 0.0) for k in range(LEAST_TILES + 3)]
     shown(surface, np.vstack([spot + corner for corner in where]))

@@ -12,7 +12,8 @@ from slz import SAFE, UNKNOWN, LocalFrame, Pipeline, PointState, Report, Window
 from slz.grid import Box, Grid
 from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.tiled_raster import TiledLayers
-from slz.terrain.tiles import LEAST_CAPACITY, TILE_BYTES, Noise, Tiles, box_of_tile
+from slz.terrain.tiles import LEAST_CAPACITY, TILE_BYTES, Noise, Tiles
+from slz.tile_keys import box_of_tile
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 EVERYWHERE = Box(-(10**6), 10**6, -(10**6), 10**6)

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.surface.add_returns import SIDE, add_lost, add_returns
+from slz.kernels.cells.cell_record import TILE
+from slz.kernels.surface.add_returns import add_lost, add_returns
 from slz.kernels.surface.surface_record import SURFACE_FIELDS
 
 Floats = NDArray[np.float64]
@@ -23,15 +24,15 @@ class Tiles:
     cell_m: float = 1.0
     table: NDArray[np.int32] = field(default_factory=lambda: np.array([[-1, 1, 0]], np.int32))
     pool: NDArray[np.float32] = field(
-        default_factory=lambda: np.zeros((2, SIDE, SIDE, SURFACE_FIELDS), np.float32)
+        default_factory=lambda: np.zeros((2, TILE, TILE, SURFACE_FIELDS), np.float32)
     )
 
     def cell(self, east_m: float, north_m: float) -> NDArray[np.float32]:
         """Return the record of the cell at a place."""
         row, col = int((north_m - self.south_m) // self.cell_m), int((east_m - self.west_m) // self.cell_m)
-        slot = self.table[row // SIDE, col // SIDE]
+        slot = self.table[row // TILE, col // TILE]
         assert slot >= 0
-        record: NDArray[np.float32] = self.pool[slot, row % SIDE, col % SIDE]
+        record: NDArray[np.float32] = self.pool[slot, row % TILE, col % TILE]
         return record
 
     def add(
