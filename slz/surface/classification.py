@@ -10,6 +10,7 @@ from slz.surface.flooded_ground import with_flooded_ground
 from slz.surface.level_extents import fine_extents, level_extents
 from slz.surface.penetration import DEPTH_M, penetration
 from slz.surface.raised_plateaus import raised_plateaus
+from slz.surface.specular_returns import specular_returns
 from slz.surface.surface_cells import Floats, SurfaceCells
 from slz.surface.surface_kinds import SurfaceKind
 from slz.surface.surface_probabilities import SurfaceLayers
@@ -46,16 +47,19 @@ def classify(
     on_level = extents.labels > 0 if shape is None else (extents.labels > 0) | (shape != 0)
     vanishing, dark = vanishing_returns(cells, on_level), dark_returns(cells)
     vanishing = np.where(dark > 0, np.maximum(vanishing, dark), vanishing)
+    mirror = specular_returns(cells)
+    vanishing = np.where(mirror > 0, np.maximum(vanishing, mirror), vanishing)
     # Around a strip of water that answered lies more of it, as even as ground: shape acquits it of little.
     level = extents.evidence()
     if shape is not None:
         level = np.where(shape != 0, np.maximum(level, shape), level)
     level = np.where(plateaus.log_odds > 0, np.minimum(level, 0), level)  # its banks are parapets
     log_odds = SCORE_WATER + np.where(vanishing > 0, np.maximum(level, MOST_ACQUITTAL), level) + vanishing
-    sloping = np.where(level > 0, 0, _sloping(cells))  # at its shore the window of a plane holds the bank
+    # At its shore the window of a plane holds the bank, and below a mirror it may show the bottom.
+    sloping = np.where((level > 0) | (mirror > 0), 0, _sloping(cells))
     log_odds += np.where(vanishing > CLEAR, np.maximum(sloping, LEAST_SLOPING), sloping)
     there = cells.seen | on_level
-    water = with_flooded_ground(np.where(there, _probability(log_odds), 0), cells, extents)
+    water = with_flooded_ground(np.where(there, _probability(log_odds), 0), cells, extents, mirror)
     for_plants, for_roof = plants.log_odds, plateaus.log_odds
     tall = np.clip((plants.depth_m - DEPTH_M) / 0.5 + 0.5, 0, 1)
     if classes is not None:

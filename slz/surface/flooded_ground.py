@@ -7,34 +7,63 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from slz.kernels.surface.shores import flood
+from slz.kernels.surface.surface_record import NADIR_M
 from slz.surface.level_extents import LevelExtents
 from slz.surface.surface_cells import Floats, SurfaceCells
 
 SEED = 0.2  # probability of water
-FEWEST_M2 = 20.0  # of seeds of one level
+FEWEST_M2, FEWEST_SHINING_M2 = 20.0, 8.0  # of seeds of one level
 SURFACE_SHARE = 0.75  # of the heights of seeds, up to which a bottom may show
 LEAST_M, DEEPEST_M = 0.01, 0.4  # below the level, from which a bottom is told and to which it shows
+ONE_LEVEL_M = 0.06  # between that share and the highest tenth of the seeds that shine, waves included
+HIGH_SHARE = 0.9
 
 
 def with_flooded_ground(
-    water: NDArray[np.floating], cells: SurfaceCells, extents: LevelExtents
+    water: NDArray[np.floating], cells: SurfaceCells, extents: LevelExtents, mirror: Floats
 ) -> NDArray[np.floating]:
-    """Return the probabilities of water, those of flooded ground as that of the water which floods it."""
-    seeds = np.where(cells.seen & (water >= SEED), extents.labels, 0).astype(np.int32)
-    size = np.bincount(seeds.ravel(), minlength=len(extents.level_m)) * cells.cell_m**2
-    size[0] = 0
-    enough = size >= FEWEST_M2
-    if not enough.any():
+    """Return the probabilities of water, those of flooded ground as that of the water which floods it.
+
+    Water that floods is that of level extents, and that which shines from above, at the height that it has
+    from there.
+
+    Parameters
+    ----------
+    mirror
+        (rows, cols), more than 0 where the surface shines.
+    """
+    water = _flooded(water, cells, extents.labels, cells.mean_m, FEWEST_M2, np.inf)
+    if not mirror.any():
         return water
-    seeds[~enough[seeds]] = 0
-    mean: Floats = np.ascontiguousarray(cells.mean_m)
-    seen_seeds = seeds.ravel()
-    n = np.maximum(np.bincount(seen_seeds, minlength=len(size)), 1)
+    shining = np.asarray(ndimage.label(mirror > 0)[0], np.int32)
+    return _flooded(water, cells, shining, cells.fields[NADIR_M], FEWEST_SHINING_M2, ONE_LEVEL_M)
+
+
+def _flooded(
+    water: NDArray[np.floating],
+    cells: SurfaceCells,
+    labels: NDArray[np.int32],
+    height: Floats,
+    fewest_m2: float,
+    one_level_m: float,
+) -> NDArray[np.floating]:
+    """Return the probabilities of water with what the probable water of each label floods."""
+    seeds = np.where(cells.seen & (water >= SEED), labels, 0).astype(np.int32)
+    size = np.bincount(seeds.ravel()) * cells.cell_m**2
+    size[0] = 0
     level = np.full(len(size), np.nan)
-    for label in np.flatnonzero(enough).tolist():  # a bottom that shows here and there draws the mean down
-        level[label] = np.quantile(mean.ravel()[seen_seeds == label], SURFACE_SHARE)
-    of_seeds = np.bincount(seen_seeds, water.ravel(), len(size)) / n
-    under = flood(seeds, cells.seen, mean, level, LEAST_M, DEEPEST_M)
+    for label in np.flatnonzero(size >= fewest_m2).tolist():
+        of_label = height[seeds == label]
+        own, high = np.quantile(of_label, [SURFACE_SHARE, HIGH_SHARE])
+        if high - own <= one_level_m:
+            level[label] = own  # a bottom that shows here and there draws the mean down
+    if not np.isfinite(level).any():
+        return water
+    seeds[~np.isfinite(level)[seeds]] = 0
+    n = np.maximum(np.bincount(seeds.ravel(), minlength=len(size)), 1)
+    of_seeds = np.bincount(seeds.ravel(), water.ravel(), len(size)) / n
+    under = flood(seeds, cells.seen, np.ascontiguousarray(cells.mean_m), level, LEAST_M, DEEPEST_M)
     return np.where(under > 0, np.maximum(water, of_seeds[under]), water)

@@ -12,6 +12,10 @@ from slz.kernels.jit import kernel
 from slz.kernels.surface.surface_record import (
     ANSWER_M,
     APART_M,
+    ASIDE,
+    ASIDE_DEG,
+    ASIDE_LIGHT,
+    ASIDE_M,
     COUNT,
     DARK,
     DARKEST,
@@ -24,6 +28,10 @@ from slz.kernels.surface.surface_record import (
     LOST_SLANTED,
     LOW,
     MEAN,
+    NADIR,
+    NADIR_DEG,
+    NADIR_LIGHT,
+    NADIR_M,
     OBLIQUE,
     OBLIQUE_DEG,
     REPORTED,
@@ -31,6 +39,7 @@ from slz.kernels.surface.surface_record import (
     SLANTED,
     SLANTED_DEG,
     SQUARES,
+    SUMS,
     SURFACE_FIELDS,
     TALL,
     TIME,
@@ -41,6 +50,8 @@ MOST_COUNT = np.float32(50_000)  # returns of a cell, above which all its sums a
 SLANTED_TAN2 = math.tan(math.radians(SLANTED_DEG)) ** 2
 OBLIQUE_TAN2 = math.tan(math.radians(OBLIQUE_DEG)) ** 2
 FLATTEST_TAN2 = math.tan(math.radians(FLATTEST_DEG)) ** 2
+NADIR_TAN2 = math.tan(math.radians(NADIR_DEG)) ** 2
+ASIDE_TAN2 = math.tan(math.radians(ASIDE_DEG)) ** 2
 DIFFUSE_TAN2 = math.tan(math.radians(DIFFUSE_DEG)) ** 2
 MOST_DARK = np.float32(100)  # so that a change of the ground is seen
 F1, APART = np.float32(1), np.float32(APART_M)
@@ -127,13 +138,23 @@ def add_returns(
             tan2 = (dx * dx + dy * dy) / (dz * dz) if dz > 0.0 else np.inf
             held[OBLIQUE] += tan2 >= OBLIQUE_TAN2
             held[SLANTED] += SLANTED_TAN2 <= tan2 < OBLIQUE_TAN2
-            if DIFFUSE_TAN2 <= tan2 < FLATTEST_TAN2 and len(intensity) > 0 and intensity[i] == intensity[i]:
-                dark = intensity[i] * np.sqrt(1 + tan2) < DARKEST  # a diffuse target is dimmer by the cosine
-                held[DARK] = min(MOST_DARK, max(-MOST_DARK, held[DARK] + (F1 if dark else -F1)))
+            if len(intensity) > 0 and intensity[i] == intensity[i]:
+                if DIFFUSE_TAN2 <= tan2 < FLATTEST_TAN2:
+                    # A diffuse target is dimmer by the cosine.
+                    dark = intensity[i] * np.sqrt(1 + tan2) < DARKEST
+                    held[DARK] = min(MOST_DARK, max(-MOST_DARK, held[DARK] + (F1 if dark else -F1)))
+                if is_near[i]:
+                    if tan2 < NADIR_TAN2:
+                        held[NADIR] += F1
+                        held[NADIR_M] += (np.float32(z) - held[NADIR_M]) / held[NADIR]
+                        held[NADIR_LIGHT] += (intensity[i] - held[NADIR_LIGHT]) / held[NADIR]
+                    elif ASIDE_TAN2 <= tan2 < OBLIQUE_TAN2:
+                        held[ASIDE] += F1
+                        held[ASIDE_M] += (np.float32(z) - held[ASIDE_M]) / held[ASIDE]
+                        held[ASIDE_LIGHT] += (intensity[i] - held[ASIDE_LIGHT]) / held[ASIDE]
         if held[COUNT] > MOST_COUNT:
-            for f in range(SURFACE_FIELDS):
-                if f != MEAN and f != LOW and f != HIGH and f != TIME:
-                    held[f] *= np.float32(0.5)
+            for f in range(SUMS):
+                held[f] *= np.float32(0.5)
 
 
 @kernel

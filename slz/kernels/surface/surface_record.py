@@ -6,16 +6,21 @@
 # SLANTED, OBLIQUE: returns at incidence from `SLANTED_DEG` on, and from `OBLIQUE_DEG` on. LOST_SLANTED,
 # LOST_OBLIQUE: rays without a return, likewise; REPORTED: those that their driver reported, which each stand
 # for several. DARK: returns at incidence from `DIFFUSE_DEG` on that are darker than any dry ground, less the
-# others. TIME: of the newest return (s).
+# others. TIME: of the newest return (s). NADIR, NADIR_M, NADIR_LIGHT: number, mean height and mean intensity
+# of the returns of known intensity at incidence below `NADIR_DEG`; ASIDE, ASIDE_M, ASIDE_LIGHT: of those
+# from `ASIDE_DEG` to `OBLIQUE_DEG`.
 (
-    COUNT, MEAN, SQUARES, LOW, HIGH, DEEP, TALL, SEVERAL, TOLD, SLANTED, OBLIQUE, LOST_SLANTED, LOST_OBLIQUE,
-    REPORTED, DARK, TIME,
-) = range(16)  # fmt: skip
-SURFACE_FIELDS = 16  # a cell is a cache line
+    COUNT, SQUARES, DEEP, TALL, SEVERAL, TOLD, SLANTED, OBLIQUE, LOST_SLANTED, LOST_OBLIQUE, REPORTED, DARK,
+    NADIR, ASIDE, MEAN, LOW, HIGH, NADIR_M, NADIR_LIGHT, ASIDE_M, ASIDE_LIGHT, TIME,
+) = range(22)  # fmt: skip
+SUMS = 14  # the first ones, which are halved where a cell has too many returns
+SURFACE_FIELDS = 22
 
 SLANTED_DEG = 6.0
 OBLIQUE_DEG = 30.0
 FLATTEST_DEG = 65.0  # a ray that grazes the ground more tells little by its loss
+NADIR_DEG = 6.0  # incidence within which a mirror of gentle waves shows
+ASIDE_DEG = 12.0  # from which on it does not
 DIFFUSE_DEG = 15.0  # incidence from which on a mirror shows nothing
 DARKEST = 0.025  # share of the light of a white target that wet tarmac and coal send back at least
 APART_M = 0.25  # more than a slope of 14 degrees makes within a metre

@@ -14,6 +14,7 @@ from tests.unit.slz.surface.made_ground import Flags, Floats, from_middle, lake,
 DISTANCE = from_middle(*places(80))
 LAKE = DISTANCE < 13
 LITTLE = LAKE & (np.arange(80) > 40) & (np.arange(80) == 40)[:, np.newaxis]  # a row up to the shallows
+NO_MIRROR = np.zeros(LAKE.shape, np.float32)
 SHALLOWS = (DISTANCE > 14) & (DISTANCE < 16)
 
 
@@ -31,7 +32,7 @@ def basin(depth_m: float) -> SurfaceCells:
 def flooded(cells: SurfaceCells, probability: float = 0.7, known: Flags = LAKE) -> NDArray[np.floating]:
     """Return the probabilities of water around a lake of which some cells are known as water."""
     water = np.where(known, np.float32(probability), np.float32(0.01))
-    return with_flooded_ground(water, cells, level_extents(cells))
+    return with_flooded_ground(water, cells, level_extents(cells), NO_MIRROR)
 
 
 @pytest.mark.parametrize("depth_m", [0.1, 0.3])
@@ -58,4 +59,4 @@ def test_improbable_or_little_water_floods_nothing(probability: float, known: Fl
 def test_flooding_never_makes_ground_drier() -> None:
     cells = basin(0.2)
     water = np.random.default_rng(1).random(cells.shape).astype(np.float32)
-    assert (with_flooded_ground(water, cells, level_extents(cells)) >= water).all()
+    assert (with_flooded_ground(water, cells, level_extents(cells), NO_MIRROR) >= water).all()

@@ -8,6 +8,10 @@ import pytest
 from slz.kernels.surface.add_returns import MOST_COUNT, MOST_DARK, tiles_hit
 from slz.kernels.surface.surface_record import (
     APART_M,
+    ASIDE,
+    ASIDE_DEG,
+    ASIDE_LIGHT,
+    ASIDE_M,
     COUNT,
     DARK,
     DARKEST,
@@ -15,7 +19,12 @@ from slz.kernels.surface.surface_record import (
     HIGH,
     LOW,
     MEAN,
+    NADIR,
+    NADIR_DEG,
+    NADIR_LIGHT,
+    NADIR_M,
     OBLIQUE,
+    OBLIQUE_DEG,
     SEVERAL,
     SLANTED,
     SQUARES,
@@ -153,3 +162,40 @@ def test_tiles_are_hit_where_a_point_falls() -> None:
     points = np.array([[0.0, 0, 0], [127.9, 64, 0], [128, 0, 0], [-0.1, 0, 0], [np.nan, 70, 0]])
     tiles_hit(points, 0.0, 0.0, 1.0, hit)
     assert hit.tolist() == [[True, False], [False, True]]
+
+
+@pytest.mark.parametrize(
+    ("degrees", "above", "aside"),
+    [
+        (0, 2, 0),
+        (NADIR_DEG - 0.1, 2, 0),
+        (NADIR_DEG + 0.1, 0, 0),
+        (ASIDE_DEG - 0.1, 0, 0),
+        (ASIDE_DEG + 0.1, 0, 2),
+        (OBLIQUE_DEG - 0.1, 0, 2),
+        (OBLIQUE_DEG + 0.1, 0, 0),
+    ],
+)
+def test_heights_and_light_are_told_from_above_and_from_aside(degrees: float, above: int, aside: int) -> None:
+    tiles = Tiles()
+    at = seen_from(SENSOR, degrees, 12)
+    points = np.array([at, at, at, at])
+    points[1, 2] += 0.02
+    near = np.array([True, True, True, False])
+    tiles.add(points, SENSOR, near, np.array([0.1, 0.3, np.nan, 0.5]))
+    cell = tiles.cell(*at[:2])
+    assert (cell[NADIR], cell[ASIDE]) == (above, aside)
+    for n, height, light in ((above, NADIR_M, NADIR_LIGHT), (aside, ASIDE_M, ASIDE_LIGHT)):
+        if n:
+            assert cell[height] == pytest.approx(at[2] + 0.01, abs=2e-3)
+            assert cell[light] == pytest.approx(0.2)
+
+
+def test_a_full_cell_keeps_its_mean_heights_and_light() -> None:
+    tiles, n = Tiles(), int(MOST_COUNT) + 10
+    points = np.tile([*UNDER, 1.0], (n, 1))
+    tiles.add(points, SENSOR, intensity=np.full(n, 0.2))
+    cell = tiles.cell(*UNDER)
+    assert cell[COUNT] < MOST_COUNT
+    assert cell[NADIR] < MOST_COUNT
+    assert (cell[NADIR_M], cell[NADIR_LIGHT]) == pytest.approx((1.0, 0.2), rel=1e-3)
