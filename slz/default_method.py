@@ -28,6 +28,7 @@ from slz.points.outliers import (
     not_isolated,
 )
 from slz.points.registration import Offset, offset
+from slz.points.sway import sway
 from slz.prior import Prior
 from slz.prior import Source as PriorSource
 from slz.report import MapReport
@@ -39,6 +40,7 @@ from slz.zones.zone_map import ZoneMap
 Points = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
+NONE = np.empty(0, np.int64)
 THIN_REACH = 1.2  # of the mapping reach, up to which isolated returns are judged
 
 
@@ -47,13 +49,15 @@ class KeptPoints:
     """Points that no outlier rule drops.
 
     points: (n, 3). alone: (n,), those that are not for the near map. isolated: (m, 3), judged together with
-    those of other windows. source: (n,) indices in the window, None where it tells nothing more of them.
+    those of other windows. source, isolated_source: (n,) and (m,) indices in the window; source is None where
+    it tells nothing more of them.
     """
 
     points: Points
     alone: Flags
     isolated: Points
     source: NDArray[np.int64] | None
+    isolated_source: NDArray[np.int64]
 
 
 class DefaultMethod:
@@ -113,7 +117,7 @@ class DefaultMethod:
         trusted = near_ones & ~alone
         used = trusted.copy()
         with run_concurrently(self._other, self._chosen, window, _picked(points, near_ones), far) as chosen:
-            points, isolated = self._registered(points, isolated, near_ones, sensor_enu_m, near)
+            points, isolated = self._registered(kept, near_ones, sensor_enu_m, near, window)
             self._contradictions(points, used, alone, sensor_enu_m, near)
         choice = chosen.result()
         clock.lap("registration")
@@ -177,15 +181,17 @@ class DefaultMethod:
         kept = picked(points, keep)
         if not in_flight:
             source = None if source is None else source[keep]
-            return KeptPoints(kept, np.zeros(len(kept), bool), np.empty((0, 3)), source)
+            return KeptPoints(kept, np.zeros(len(kept), bool), np.empty((0, 3)), source, NONE)
         isolated = picked(points, ~keep)
         mostly = len(isolated) > len(kept)
         dense = is_dense_at(isolated, sensor_enu_m, len(points))
-        isolated = picked(isolated, within(isolated, sensor_enu_m, THIN_REACH * reach_m(p)) & ~dense)
+        judged = within(isolated, sensor_enu_m, THIN_REACH * reach_m(p)) & ~dense
+        isolated = picked(isolated, judged)
+        of_isolated = NONE if source is None else source[~keep][judged]
         if mostly:
-            return KeptPoints(points.copy(), ~keep, isolated, source)
+            return KeptPoints(points.copy(), ~keep, isolated, source, of_isolated)
         source = None if source is None else source[keep]
-        return KeptPoints(kept, np.zeros(len(kept), bool), isolated, source)
+        return KeptPoints(kept, np.zeros(len(kept), bool), isolated, source, of_isolated)
 
     def _surface_of(
         self,
@@ -212,17 +218,25 @@ class DefaultMethod:
         return choice
 
     def _registered(
-        self, points: Points, isolated: Points, used: Flags, sensor: Points, near: ZoneMap
+        self, kept: KeptPoints, used: Flags, sensor: Points, near: ZoneMap, window: Window
     ) -> tuple[Points, Points]:
-        """Return both in the near map's stored heights; the drift of the used points moves its datum."""
+        """Return points and isolated points in the near map's stored heights.
+
+        The drift of the used points moves its datum.
+        """
         tiles, found = near.tiles, Offset()
-        most_m = self._p.register_m
-        if most_m > 0 and is_known(sensor):
-            found = offset(points, np.flatnonzero(used), sensor, tiles, most_m)
+        points, isolated = kept.points, kept.isolated
+        registers = self._p.register_m > 0 and is_known(sensor)
+        if registers:
+            found = offset(points, np.flatnonzero(used), sensor, tiles, self._p.register_m)
         points = found.removed_from(points, sensor, tiles.datum_m)
         isolated = found.removed_from(isolated, sensor, tiles.datum_m)
         tiles.datum_m += found.up_m
-        return points, isolated
+        if not registers or window.origin is None or window.origins_enu_m is None or kept.source is None:
+            return points, isolated
+        scan, of_isolated = window.origin[kept.source], window.origin[kept.isolated_source]
+        found_sway = sway(points, np.flatnonzero(used), scan, window.origins_enu_m, tiles, self._p.register_m)
+        return found_sway.removed_from(points, scan), found_sway.removed_from(isolated, of_isolated)
 
     def _contradictions(
         self, points: Points, used: Flags, alone: Flags, sensor: Points, near: ZoneMap

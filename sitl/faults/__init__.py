@@ -34,6 +34,7 @@ _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "reboot": lambda rng: autopilot_faults.Reboot(),
     "ekf_jump": autopilot_faults.EstimateJump,
     "gps_drift": autopilot_faults.EstimateDrift,
+    "estimate_sway": autopilot_faults.EstimateSway,
     "autopilot_held_up": autopilot_faults.ClockStall,
     "pilot_mode": autopilot_faults.PilotMode,
     "pilot_stick": stick_fault.PilotStick,

@@ -20,6 +20,7 @@ REBOOT_S = 2.0
 JUMP_M = 5.0
 DRIFT_MS, DRIFT_M = 0.3, 5.0
 TICK_LIMIT_S = 0.1
+SWAY_M, SWAY_S = (0.05, 0.1), (1.2, 2.5)
 HELD_S, GOES_ON_S = (0.02, 0.3), (0.04, 0.6)
 PILOTS = (Mode.LOITER, Mode.BRAKE, Mode.ALT_HOLD)
 RETRY_NS = 1_000_000_000
@@ -66,6 +67,34 @@ class EstimateDrift(Fault):
         self._moved_m += DRIFT_MS * elapsed_s
         estimator = simulation.estimator
         estimator.jump_enu_m = estimator.jump_enu_m + self._velocity_enu_ms * elapsed_s
+
+
+class EstimateSway(Fault):
+    """Sway of the estimated height by up to a decimetre about the truth, with a period of two seconds.
+
+    A real PX4 (SIH, EKF2) sways so in hover and descent. Amplitude and period are drawn once.
+    """
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        self._amplitude_m = float(rng.uniform(*SWAY_M))
+        self._period_s = float(rng.uniform(*SWAY_S))
+        self._start_ns = 0
+        self._up_m = 0.0
+
+    def start(self, simulation: Simulation) -> None:
+        self._start_ns = simulation.now_ns
+
+    def on_tick(self, simulation: Simulation) -> None:
+        phase = 2 * math.pi * (simulation.now_ns - self._start_ns) * 1e-9 / self._period_s
+        self._move(simulation, self._amplitude_m * math.sin(phase))
+
+    def stop(self, simulation: Simulation) -> None:
+        self._move(simulation, 0.0)
+
+    def _move(self, simulation: Simulation, up_m: float) -> None:
+        estimator = simulation.estimator
+        estimator.jump_enu_m = estimator.jump_enu_m + np.array([0.0, 0.0, up_m - self._up_m])
+        self._up_m = up_m
 
 
 class ClockStall(Fault):

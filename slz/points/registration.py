@@ -64,16 +64,34 @@ def offset(
         return Offset()
     places = found[:, :2] - sensor_enu_m[:2]
     level = bool((places.std(axis=0) < FEWEST_SPREAD_M).any())
-    design = np.column_stack([np.ones(len(found)), *(() if level else places.T)])
-    fit, share = _robust(design, np.ascontiguousarray(found[:, 2]))
-    up, east, north = (float(v) for v in (*fit, 0.0, 0.0)[:3])
+    (up, east, north), share = robust_plane(places, found[:, 2], level, ROUNDS)
     if share < 0.5 or abs(up) > most_m or np.hypot(east, north) > MOST_TILT_RAD:
         return Offset()
     return Offset(up, east, north)
 
 
+def robust_plane(
+    places: NDArray[np.float64], heights: NDArray[np.float64], level: bool, rounds: int
+) -> tuple[tuple[float, float, float], float]:
+    """Return height at the origin, slope east and north of a robust plane, and the share that agrees with it.
+
+    Parameters
+    ----------
+    places, heights
+        (n, 2) and (n,).
+    level
+        Fit the height alone.
+    rounds
+        Of reweighting.
+    """
+    design = np.column_stack([np.ones(len(places)), *(() if level else places.T)])
+    fit, share = _robust(design, np.ascontiguousarray(heights), rounds)
+    up, east, north = (float(v) for v in (*fit, 0.0, 0.0)[:3])
+    return (up, east, north), share
+
+
 def _compared(points_enu_m: NDArray[np.float64], used: NDArray[np.intp], tiles: Tiles) -> NDArray[np.float64]:
-    """Return (m, 3) positions of returns over known ground, and their heights over the map."""
+    """Return (m, 4) of `Tiles.differences`, of returns spread over the window."""
     step = PARTS * max(1, len(used) // MOST_RETURNS)
     parts: list[NDArray[np.float64]] = []
     for first in range(0, step, step // PARTS):
@@ -84,19 +102,22 @@ def _compared(points_enu_m: NDArray[np.float64], used: NDArray[np.intp], tiles: 
     return np.concatenate(parts)
 
 
-def _robust(design: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+def _robust(
+    design: NDArray[np.float64], values: NDArray[np.float64], rounds: int
+) -> tuple[NDArray[np.float64], float]:
     """Return the coefficients of a robust fit, and the share of values that agree with them."""
     fit: NDArray[np.float64] = np.zeros(design.shape[1])
-    fit[0] = _median(values)
+    fit[0] = median(values)
     share = 0.0
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         error = values - design @ fit
-        scale = max(0.02, 1.4826 * _median(np.abs(error)))
+        scale = max(0.02, 1.4826 * median(np.abs(error)))
         left, right, share = weighted_normal_equations(design, values, error, 4.7 * scale)
         fit = np.asarray(np.linalg.solve(left + 1e-9 * np.eye(len(fit)), right))
     return fit, share
 
 
-def _median(values: NDArray[np.float64]) -> float:
+def median(values: NDArray[np.float64]) -> float:
+    """Return the upper median of values (n,), n > 0."""
     middle = len(values) // 2
     return float(np.partition(values, middle)[middle])

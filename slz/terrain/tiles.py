@@ -226,9 +226,9 @@ class Tiles:
         return float(seen_s[seen_s >= since_s - TIME_ROUNDING * (abs(since_s) + 1000)].min(initial=math.inf))
 
     def differences(self, points_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (m, 3) east, north and height above the cell's mean, of the points over known cells."""
+        """Return (m, 4) of the points over known cells: east, north, height above the mean, and index."""
         if not self._slot or not len(points_enu_m):
-            return np.empty((0, 3))
+            return np.empty((0, 4))
         corner, table = self._table_under(points_enu_m)
         return differences(points_enu_m, self.west_m, self.south_m, self.cell_m, *corner, self._pool, table)
 

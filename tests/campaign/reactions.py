@@ -200,6 +200,7 @@ TABLE: dict[str, Row] = {
     "reboot": _always(lands),
     "ekf_jump": _always(lands),
     "gps_drift": _always(lands),
+    "estimate_sway": _always(lands),
     "autopilot_held_up": _always(lands_or_calls),
     "pilot_mode": _always(hands_off),
     "pilot_stick": _always(lets_go),

@@ -410,8 +410,8 @@ def differences(
     pool: Strided5D[np.float32],
     table: Strided2D[np.int32],
 ) -> Strided2D[np.float64]:
-    """Return (m, 3) east, north and height above the cell's mean, of the points over known cells."""
-    out = np.empty((len(points), 3))
+    """Return (m, 4) east, north, height above the cell's mean, and index, of the points over known cells."""
+    out = np.empty((len(points), 4))
     m = 0
     for i in range(len(points)):
         c = int(np.floor((points[i, 0] - west) / cell))
@@ -424,5 +424,6 @@ def differences(
         if now[COUNT] == 0:
             continue
         out[m, 0], out[m, 1], out[m, 2] = points[i, 0], points[i, 1], points[i, 2] - mean_height(now, before)
+        out[m, 3] = i
         m += 1
     return out[:m].copy()

@@ -92,6 +92,20 @@ def test_a_drifting_estimate_draws_the_vehicle_with_it_and_ends_at_five_metres(
     assert np.hypot(*(moved_m + sim.estimator.jump_enu_m)[:2]) < 0.8
 
 
+def test_a_swaying_height_is_about_the_truth_and_ends_with_the_fault(
+    hovering: tuple[Simulation, Station],
+) -> None:
+    sim, _ = hovering
+    sways, up_m = fault("estimate_sway"), []
+    sim.every_tick.append(lambda s: up_m.append(s.estimator.jump_enu_m[2]))
+    during(sim, sways, 6.0)
+    assert 0.05 <= max(up_m) <= 0.1
+    assert min(up_m) == pytest.approx(-max(up_m), rel=0.01)
+    turns = np.count_nonzero(np.diff(np.sign(up_m)) > 0)
+    assert 2 <= turns <= 6
+    assert not sim.estimator.jump_enu_m.any()
+
+
 def test_the_pilot_asks_until_the_mode_shows(hovering: tuple[Simulation, Station]) -> None:
     sim, _ = hovering
     taken = fault("pilot_mode")

@@ -62,7 +62,9 @@ def test_a_point_differs_from_the_mean_of_its_own_cell_and_of_no_other() -> None
     beside = over + np.array([cell_m, 0.0, 0.0])  # no cell there was hit
     rim = [(65.2, 0.2), (0.2, 65.2), (-64.3, 0.2), (0.2, -64.3)]  # the first tile beyond all that are held
     found = tiles.differences(np.vstack([beside, points_at(*rim), over]))
-    np.testing.assert_allclose(found, np.column_stack([places, np.full(len(places), 0.25)]), atol=1e-5)
+    number = len(beside) + len(rim) + np.arange(len(over))
+    want = np.column_stack([places, np.full(len(places), 0.25), number])
+    np.testing.assert_allclose(found, want, atol=1e-5)
 
 
 def far_apart(number: int) -> NDArray[np.float64]:
