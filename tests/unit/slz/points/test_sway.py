@@ -55,11 +55,8 @@ def heave(time_s: float) -> Floats:
 
 
 def rock(time_s: float) -> Floats:
-    return heave(time_s) + [
-        0,
-        0.012 * np.sin(2 * np.pi * time_s / 2.3),
-        0.01 * np.cos(2 * np.pi * time_s / 2),
-    ]
+    slopes = 0.012 * np.sin(2 * np.pi * time_s / 2.3), 0.01 * np.cos(np.pi * time_s)
+    return np.array([heave(time_s)[0], *slopes])
 
 
 @pytest.mark.parametrize("sway", [heave, rock])
