@@ -56,8 +56,8 @@ def _flooded(
     size[0] = 0
     level = np.full(len(size), np.nan)
     for label in np.flatnonzero(size >= fewest_m2).tolist():
-        of_label = height[seeds == label]
-        own, high = np.quantile(of_label, [SURFACE_SHARE, HIGH_SHARE])
+        ranked = np.sort(height[seeds == label])
+        own, high = ranked[[int(SURFACE_SHARE * len(ranked)), int(HIGH_SHARE * len(ranked))]]
         if high - own <= one_level_m:
             level[label] = own  # a bottom that shows here and there draws the mean down
     if not np.isfinite(level).any():

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from slz.kernels.surface.masks import closed, filled
 from slz.kernels.surface.shores import around_shore, grow
 from slz.surface.surface_cells import PLANE_RADIUS, Floats, SurfaceCells, around, with_margin
 
@@ -128,7 +129,7 @@ def _with_shore(
         grown = grow(grown, seen, mean, level, band_m)
     if seen.all():
         return grown
-    inside = ndimage.binary_closing((grown > 0) & seen, iterations=2)
+    inside = closed((grown > 0) & seen)
     return np.where(seen | inside, grown, 0)  # gaps within belong to it, those beyond its shore do not
 
 
@@ -142,10 +143,10 @@ def _banks(cells: SurfaceCells, grown: NDArray[np.int32], level: NDArray[np.floa
     size = np.maximum(np.bincount(grown.ravel(), minlength=n), 1)
     mean = np.ascontiguousarray(cells.mean_m)
     for label, own in with_margin(grown, n, BANK_CELLS):
-        filled = ndimage.binary_fill_holes(grown[own] == label)  # what stands within is no bank of it
-        ring = np.ascontiguousarray(around(filled, BANK_CELLS) & ~filled & cells.seen[own])
+        whole = filled(grown[own] == label)  # what stands within is no bank of it
+        ring = np.ascontiguousarray(around(whole, BANK_CELLS) & ~whole & cells.seen[own])
         most_m = WALL_M if size[label] * cells.cell_m**2 < WALLED_M2 else np.inf
-        heights, middle = np.ascontiguousarray(mean[own]), np.argwhere(filled).mean(axis=0)
+        heights, middle = np.ascontiguousarray(mean[own]), np.argwhere(whole).mean(axis=0)
         place = level[label], middle[0], middle[1]
         sides[label] = around_shore(ring, heights, *place, BANK_M, most_m, SECTORS, count[label])
     total = count.sum(axis=1)

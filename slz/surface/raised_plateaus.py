@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
+from slz.kernels.surface.masks import filled
 from slz.kernels.surface.plateaus import connect, edges
 from slz.surface.surface_cells import Floats, SurfaceCells, with_margin
 
@@ -65,7 +65,7 @@ def _holes(labels: NDArray[np.int32], possible: NDArray[np.bool_]) -> NDArray[np
     holes = np.zeros(labels.shape, np.int32)
     for label, box in with_margin(own, len(back), 1):
         mine = own[box] == label
-        holes[box][ndimage.binary_fill_holes(mine) & ~mine] = back[label]
+        holes[box][filled(mine) & ~mine] = back[label]
     return holes
 
 
