@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from slz.kernels.surface.shores import flood
-from slz.kernels.surface.surface_record import NADIR_M
+from slz.kernels.surface.surface_record import NADIR, NADIR_M
 from slz.surface.level_extents import LevelExtents
+from slz.surface.specular_returns import FEWEST
 from slz.surface.surface_cells import Floats, SurfaceCells
 
 SEED = 0.2  # probability of water
@@ -38,7 +39,7 @@ def with_flooded_ground(
     water = _flooded(water, cells, extents.labels, cells.mean_m, FEWEST_M2, np.inf)
     if not mirror.any():
         return water
-    shining = np.asarray(ndimage.label(mirror > 0)[0], np.int32)
+    shining = np.asarray(ndimage.label((mirror > 0) & (cells.fields[NADIR] >= FEWEST))[0], np.int32)
     return _flooded(water, cells, shining, cells.fields[NADIR_M], FEWEST_SHINING_M2, ONE_LEVEL_M)
 
 

@@ -73,6 +73,14 @@ def test_the_ground_lower_than_a_mirror_is_flooded_and_the_higher_is_not() -> No
     assert (water[away > 20] <= SUSPICION).all()
 
 
+def test_cells_beside_a_mirror_that_were_not_seen_from_above_say_nothing_of_its_level() -> None:
+    """A height of 0 m is above the water, and above the meadow beside it."""
+    channel = made(lambda x, y: np.where(np.abs(y - 30) < 4, -0.5, -0.2), SIDE)
+    water = classify(with_fields(seen(channel, 10, 0.1), {NADIR_M: np.where(MIDDLE, -0.45, 0)})).water
+    assert (water[28:32, 24:36] > SUSPICION).all()
+    assert (water[2:20] <= SUSPICION).all()
+
+
 def test_a_mirror_that_slopes_floods_nothing() -> None:
     x, _ = places(SIDE)
     slope = made(lambda x, y: 0.05 * x + 0 * y, SIDE, per_m2=16)
