@@ -235,8 +235,8 @@ class DefaultMethod:
         if not registers or window.origin is None or window.origins_enu_m is None or kept.source is None:
             return points, isolated
         scan, of_isolated = window.origin[kept.source], window.origin[kept.isolated_source]
-        found_sway = sway(points, np.flatnonzero(used), scan, window.origins_enu_m, tiles, self._p.register_m)
-        return found_sway.removed_from(points, scan), found_sway.removed_from(isolated, of_isolated)
+        swayed = sway(points, np.flatnonzero(used), scan, window.origins_enu_m, tiles)
+        return swayed.removed_from(points, scan), swayed.removed_from(isolated, of_isolated)
 
     def _contradictions(
         self, points: Points, used: Flags, alone: Flags, sensor: Points, near: ZoneMap

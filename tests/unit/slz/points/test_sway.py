@@ -15,6 +15,7 @@ Floats = NDArray[np.float64]
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 SENSOR = np.array([0.0, 0.0, 15.0])
 SCANS = 20  # of a window of two seconds
+PARTS = 10  # of a scan, where a sensor sends many small ones
 SETTINGS = ["zone_m=60", "min_boundary_points=10", "gear=none", "angle_noise_deg=0"]
 
 
@@ -23,7 +24,9 @@ def ground(rng: np.random.Generator, n: int = 1500) -> Floats:
     return np.column_stack([xy, 0.03 * xy[:, 0] + rng.normal(0, 0.015, n)])
 
 
-def flown(sway: Callable[[float], Floats], shape: Callable[[Floats], Floats] = lambda p: p) -> Pipeline:
+def flown(
+    sway: Callable[[float], Floats], shape: Callable[[Floats], Floats] = lambda p: p, parts: int = 1
+) -> Pipeline:
     """Fly four windows; `sway` gives height and slopes by the time since the first window has ended."""
     pipeline, rng = Pipeline(params.load("quadcopter", SETTINGS), (0.0, 0.0)), np.random.default_rng(1)
     for window in range(4):
@@ -35,7 +38,7 @@ def flown(sway: Callable[[float], Floats], shape: Callable[[Floats], Floats] = l
                 points[:, 2] += off[0] + points[:, :2] @ off[1:]
             start = (window * 20 + scan) * 100_000_000
             stamps = start + np.linspace(0, 9e7, len(points)).astype(np.int64)
-            scans.append(Scan(points, stamps, SENSOR, FRAME))
+            scans += [Scan(points[k::parts], stamps[k::parts], SENSOR, FRAME) for k in range(parts)]
         pipeline.process(join(scans))
     return pipeline
 
@@ -64,6 +67,28 @@ def test_ground_seen_by_a_swaying_estimate_is_as_even_as_by_a_steady_one(
     sway: Callable[[float], Floats],
 ) -> None:
     assert np.quantile(relief_m(flown(sway)), 0.99) < np.quantile(relief_m(flown(still)), 0.99) + 0.02
+
+
+def test_small_scans_are_taken_together() -> None:
+    whole, split = relief_m(flown(heave)), relief_m(flown(heave, parts=PARTS))
+    assert np.quantile(split, 0.99) < np.quantile(whole, 0.99) + 0.01
+
+
+def test_an_object_that_fills_the_view_of_a_scan_is_no_sway() -> None:
+    """A roof of 0.3 m below all returns of every fourth scan stands."""
+
+    def shape(points: Floats) -> Floats:
+        shape.number += 1  # type: ignore[attr-defined]
+        if shape.number > SCANS and shape.number % 4 == 0:  # type: ignore[attr-defined]
+            points = points[(np.abs(points[:, :2]) < 4).all(axis=1)]
+            points[:, 2] += 0.3
+        return points
+
+    shape.number = 0  # type: ignore[attr-defined]
+    maps = flown(still, shape).maps(which="near")
+    assert maps is not None
+    at = tuple(round((0 - low) / maps.grid.cell_m) for low in (maps.grid.south_m, maps.grid.west_m))
+    assert maps.state[at[0] - maps.box.row0, at[1] - maps.box.col0] == UNSAFE
 
 
 def test_a_box_stays_a_box_under_sway() -> None:
