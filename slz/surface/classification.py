@@ -19,6 +19,7 @@ from slz.surface.vanishing_returns import vanishing_returns
 
 SCORE_WATER = -4.7  # log odds of water before any evidence
 MOST_ACQUITTAL = -0.5  # log odds, of an extent over which returns vanish
+SCORE_BOTH = 2.0  # log odds more, where returns vanish and those left are darker than any dry ground
 CLEAR, LEAST_SLOPING = 4.0, -3.4  # vanishing returns that outweigh a gradient of few returns
 # Water has no gradient; ground whose plane is clean has the one told.
 GRADIENTS, SCORES_SLOPING = (0.004, 0.01, 0.02), (0.0, -3.5, -5.0)
@@ -46,7 +47,8 @@ def classify(
     plateaus, plants = raised_plateaus(cells), penetration(cells)
     on_level = extents.labels > 0 if shape is None else (extents.labels > 0) | (shape != 0)
     vanishing, dark = vanishing_returns(cells, on_level), dark_returns(cells)
-    vanishing = np.where(dark > 0, np.maximum(vanishing, dark), vanishing)
+    both = np.where((dark > 0) & (vanishing > 0), np.float32(SCORE_BOTH), np.float32(0))
+    vanishing = np.where(dark > 0, np.maximum(vanishing, dark) + both, vanishing)
     mirror = specular_returns(cells)
     vanishing = np.where(mirror > 0, np.maximum(vanishing, mirror), vanishing)
     # Around a strip of water that answered lies more of it, as even as ground: shape acquits it of little.

@@ -25,6 +25,7 @@ from sitl.sensors.pulse_lidar import PulseLidar
 from sitl.sensors.vlp16 import Vlp16
 from sitl.truth.surface_class import SurfaceClass, surface_map
 from slz import SAFE, LocalFrame, Pipeline, PointAttributes, Scan, SurfaceKind, Window, join
+from slz.surface.classification import SCORE_WATER
 from slz.surface.surface_map import SurfaceMap
 
 Floats = NDArray[np.float64]
@@ -234,12 +235,17 @@ def main() -> None:
         own = truth == true
         if own.any():
             print(f"| {true.name.lower()} | {own.sum()} | {np.mean(kind[own] == expected):.1%} |")
-    print("\n| told probability of water | cells | water |\n|---|---|---|")
+    is_water = truth == SurfaceClass.WATER
+    prior, here = 1 / (1 + np.exp(-SCORE_WATER)), is_water.mean()
+    weight = np.where(is_water, prior / here, (1 - prior) / (1 - here))
+    print(f"\n| told probability of water | cells | water | water, were it {prior:.1%} of all |")
+    print("|---|---|---|---|")
     edges = [0, 0.01, 0.05, 0.1, 0.2, 0.4, 0.6, 0.8, 1.0]
     for low, high in itertools.pairwise(edges):
         own = (water >= low) & ((water < high) | (high == 1.0))
         if own.any():
-            print(f"| {low:g} to {high:g} | {own.sum()} | {np.mean(truth[own] == SurfaceClass.WATER):.3f} |")
+            share = float(weight[own & is_water].sum() / weight[own].sum())
+            print(f"| {low:g} to {high:g} | {own.sum()} | {is_water[own].mean():.3f} | {share:.3f} |")
 
 
 if __name__ == "__main__":

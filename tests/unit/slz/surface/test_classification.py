@@ -147,3 +147,15 @@ def test_a_shape_told_before_with_more_of_the_surroundings_counts() -> None:
     assert classify(cells).water.max() <= SUSPICION
     known = np.full(cells.shape, 5.0, np.float32)
     assert classify(cells, None, known).water[cells.seen].min() > SUSPICION
+
+
+@pytest.mark.parametrize(
+    ("dark", "lost", "refused"), [(20, 40, True), (20, 0, False), (-20, 40, False), (-20, 0, False)]
+)
+def test_darkness_and_lost_rays_together_outweigh_the_bank_beside_a_shore(
+    dark: float, lost: float, refused: bool
+) -> None:
+    slope = made(lambda x, y: 0.03 * x + 0 * y, 40, per_m2=12)
+    evidence = {DARK: dark, LOST_OBLIQUE: lost, REPORTED: lost, OBLIQUE: 0 if lost else 40}
+    water = classify(with_fields(slope, evidence)).water[8:-8, 8:-8]
+    assert (water > SUSPICION).all() if refused else (water <= SUSPICION).all()
