@@ -1,7 +1,8 @@
 """A flown survey as a cloud: what the LiDAR would measure along parallel lines, placed with the true pose.
 
 It evaluates the mapping alone, without the errors of a navigation filter. The vehicle keeps its height
-above the highest object within its swath, like a terrain follower.
+above the highest object within its swath, like a terrain follower. With `--surface` the file also holds
+what tells the kind of ground besides its shape: brightness of returns, rays without a return, and its truth.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +21,22 @@ from numpy.typing import NDArray
 from sitl import scenes
 from sitl.scenes import Scene
 from sitl.sensors.mid360 import Mid360
+from sitl.sensors.pulse_lidar import Shots
+from sitl.truth.surface_class import SurfaceClass, surface_map
 from sitl.truth.truth import safe_map
 
 F64 = NDArray[np.float64]
+F32 = NDArray[np.float32]
 I64 = NDArray[np.int64]
 
 SWATH_M = 15.0
 SMOOTHING_M = 20.0
 CHUNK_NS = 100_000_000
+LOST_M = 100.0
+LEAST_DEPRESSION_DEG = 5.0
+"""Of a ray without a return below the horizon; others are left out, as they meet no ground."""
+THINNING = 11
+"""Rays without a return, one of which a driver of the Mid-360 passes on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,15 +103,31 @@ class Track:
         return np.column_stack([x, y, np.interp(along, self._places, self._heights)]), quat
 
 
-def fly(
-    scene: Scene, lines: Lines, seed: int, point_rate_hz: int = 200_000
-) -> Iterator[tuple[F64, I64, F64]]:
-    """Yield, per tenth of a second, returns ENU (n, 3), their stamps and the sensor's position (3,).
+@dataclass(frozen=True, slots=True)
+class PlacedScan:
+    """Returns of a tenth of a second, and rays without a return, placed with the true pose.
+
+    points_enu_m: (n, 3). stamp_ns: (n,). sensor_enu_m: (3,), at the last stamp. bright: (n,) share of what a
+    white target sends back. lost_enu_m, lost_origin_enu_m: (m, 3), point at `LOST_M` along every `THINNING`th
+    ray without a return, as far as it points below the horizon, and the sensor's position then.
+    """
+
+    points_enu_m: F64
+    stamp_ns: I64
+    sensor_enu_m: F64
+    bright: F32
+    lost_enu_m: F32
+    lost_origin_enu_m: F32
+
+
+def fly(scene: Scene, lines: Lines, seed: int, point_rate_hz: int = 200_000) -> Iterator[PlacedScan]:
+    """Yield a scan per tenth of a second.
 
     Returns that the sensor marks as rain, dust or echo are dropped, as in a driver.
     """
     lidar = Mid360(np.random.default_rng(seed), point_rate_hz=point_rate_hz)
     track = Track(scene, lines)
+    n_lost = 0
     for start in range(0, int(track.duration_s * 1e9), CHUNK_NS):
         shots = lidar.shots(start, start + CHUNK_NS, track.at, scene.world)
         good = (shots.echoes.range_m != 0) & (lidar.tags(shots) == 0)
@@ -109,7 +135,26 @@ def fly(
         position, attitude = track.at(stamps)
         sensor = position + lidar.mount.lever_enu_m(attitude)
         last = sensor[-1] if len(sensor) else track.at(np.array([start]))[0][0]
-        yield sensor + lidar.mount.to_enu(points, attitude), stamps, last
+        lost = np.flatnonzero(shots.echoes.range_m == 0)
+        ends, origins = _lost_rays(lidar, track, shots, lost[-n_lost % THINNING :: THINNING])
+        n_lost += len(lost)
+        yield PlacedScan(
+            sensor + lidar.mount.to_enu(points, attitude),
+            stamps,
+            last,
+            shots.bright[good].astype(np.float32),
+            ends,
+            origins,
+        )
+
+
+def _lost_rays(lidar: Mid360, track: Track, shots: Shots, which: I64) -> tuple[F32, F32]:
+    """Return ends and origins, (m, 3) each, of those pulses of a selection that point below the horizon."""
+    position, attitude = track.at(lidar.stamps_ns(shots)[which])
+    way = lidar.mount.to_enu(shots.unit[which], attitude)
+    down = way[:, 2] <= -np.sin(np.radians(LEAST_DEPRESSION_DEG))
+    origin = (position + lidar.mount.lever_enu_m(attitude))[down]
+    return (origin + LOST_M * way[down]).astype(np.float32), origin.astype(np.float32)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -129,13 +174,16 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--footprint", type=float, default=2.0, help="footprint of the truth, m")
     parser.add_argument("--slope-limit", type=float, default=10.0, help="degrees")
     parser.add_argument("--relief-limit", type=float, default=0.3, help="m")
+    parser.add_argument(
+        "--surface", action="store_true", help="also brightness, lost rays and the true kind of ground"
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="FILE.npz")
     options = parser.parse_args(arguments)
     try:
         scene = scenes.build(options.scene, options.seed)
         extent = _extent(options.extent, scene)
         lines = Lines(extent, options.height, options.spacing, options.speed, options.climb)
-        returns = list(fly(scene, lines, options.seed, options.point_rate))
+        scans = list(fly(scene, lines, options.seed, options.point_rate))
     except ValueError as error:
         parser.error(str(error))
     truth = safe_map(
@@ -148,10 +196,10 @@ def main(arguments: list[str] | None = None) -> int:
     )
     np.savez(
         options.out,
-        points_enu_m=np.concatenate([part[0] for part in returns]).astype(np.float32),
-        stamp_ns=np.concatenate([part[1] for part in returns]),
-        sensor_enu_m=np.array([part[2] for part in returns]),
-        count=np.array([len(part[1]) for part in returns]),
+        points_enu_m=np.concatenate([scan.points_enu_m for scan in scans]).astype(np.float32),
+        stamp_ns=np.concatenate([scan.stamp_ns for scan in scans]),
+        sensor_enu_m=np.array([scan.sensor_enu_m for scan in scans]),
+        count=np.array([len(scan.stamp_ns) for scan in scans]),
         extent_m=np.array(extent),
         cell_m=options.cell,
         safe=truth.safe,
@@ -160,8 +208,27 @@ def main(arguments: list[str] | None = None) -> int:
         relief_m=truth.relief_m,
         regions=json.dumps({name: list(corners) for name, corners in scene.regions.items()}),
         description=scene.description,
+        **(_surface(scene, extent, options.cell, scans) if options.surface else {}),
     )
     return 0
+
+
+def _surface(
+    scene: Scene, extent: tuple[float, float, float, float], cell_m: float, scans: list[PlacedScan]
+) -> dict[str, Any]:
+    """Return the arrays of `--surface`; `surface` holds numbers of `surface_names`, in cells of the truth."""
+    truth = surface_map(scene.world, extent, cell_m)
+    lost = np.concatenate([scan.lost_enu_m for scan in scans])
+    return {
+        "bright": np.concatenate([scan.bright for scan in scans]),
+        "lost_enu_m": lost,
+        "lost_origin_enu_m": np.concatenate([scan.lost_origin_enu_m for scan in scans]),
+        "lost_weight": np.full(len(lost), THINNING, np.float32),
+        "lost_count": np.array([len(scan.lost_enu_m) for scan in scans]),
+        "surface": truth.surface,
+        "surface_names": json.dumps({kind.name: kind.value for kind in SurfaceClass}),
+        "roof_height_m": truth.roof_height_m,
+    }
 
 
 def _extent(text: str | None, scene: Scene) -> tuple[float, float, float, float]:
