@@ -153,12 +153,20 @@ class Pipeline:
         found = self._map(far=which == "far")
         return np.full(box.shape, UNKNOWN, np.uint8) if found is None else found.terrain.state(box)
 
-    def surface_at(self, enu_m: NDArray[np.float64]) -> SurfaceHere:
-        """Return the surface under a vehicle at a point (3,); unknown before any window, and at NaN."""
+    def surface_at(self, enu_m: NDArray[np.float64], around_m: float | None = None) -> SurfaceHere:
+        """Return the surface within a distance of a point (3,); unknown before any window, and at NaN.
+
+        Parameters
+        ----------
+        around_m
+            By default that of a vehicle's footprint and touchdown error; 0 is the surface cell of the point.
+        """
         near, p = self._map(far=False), self._parameters
         if near is None or not is_known(enu_m):
             return UNKNOWN_SURFACE
-        return near.terrain.surface_at(enu_m, p.touchdown_error_m + p.footprint_m / 2)
+        if around_m is None:
+            around_m = p.touchdown_error_m + p.footprint_m / 2
+        return near.terrain.surface_at(enu_m, around_m)
 
     def maps(
         self,

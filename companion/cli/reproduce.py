@@ -14,7 +14,9 @@ from companion.cli.options import Json, Verbose
 
 def reproduce(
     out: Annotated[Path, typer.Option(help="Folder for the page, pictures and flown surveys.")],
-    only: Annotated[str, typer.Option(help="Only scenes whose name holds this; flash or radar.")] = "",
+    only: Annotated[
+        str, typer.Option(help="Only scenes whose name holds this; surface, flash or radar.")
+    ] = "",
     as_json: Json = False,
     verbose: Verbose = False,
 ) -> None:

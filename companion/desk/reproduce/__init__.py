@@ -24,6 +24,8 @@ from companion.desk.reproduce.reproduction_page import Section
 from companion.desk.reproduce.scenarios import BY_SCENE, ENTRANCE, SCENARIOS
 from companion.desk.reproduce.source_scenes import CASES, Case, CaseOutcome
 from companion.desk.reproduce.source_scenes import run as run_case
+from companion.desk.reproduce.surface import surface_section
+from companion.desk.reproduce.surface.surface_surveys import SURFACES
 from companion.runtime import output_folder
 from companion.runtime.errors import UsageError
 
@@ -41,7 +43,8 @@ def run(out: Path, progress: Progress, only: str = "") -> dict[str, Any]:
     Parameters
     ----------
     only
-        Text that the names of cases, scenarios and instruments (flash, radar) must contain; empty for all.
+        Text that the names of cases, scenarios, surveys ("surface of lakes") and instruments (flash, radar)
+        must contain; empty for all.
 
     Raises
     ------
@@ -49,8 +52,9 @@ def run(out: Path, progress: Progress, only: str = "") -> dict[str, Any]:
         The folder cannot be written, or no name contains the text.
     """
     cases = [case for case in CASES if only in case.name]
-    if not cases and not any(only in name for name in instrument_data.NAMES):
-        names = [*(case.name for case in CASES), *instrument_data.NAMES]
+    others = [*(survey.name for survey in SURFACES), *instrument_data.NAMES]
+    if not cases and not any(only in name for name in others):
+        names = [*(case.name for case in CASES), *others]
         raise UsageError(f"--only {only!r}: there are {', '.join(names)}")
     output_folder.prepare(out)
     try:
@@ -72,17 +76,22 @@ def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -
     growing = [scenario for scenario in GROWING if only in scenario.name]
     places = [place for place in PLACES if only in place.name]
     climbs = [climb for climb in CLIMBS if only in climb.name]
+    grounds = [survey for survey in SURFACES if only in survey.name]
     devices = [name for name in instrument_data.NAMES if only in name]
-    in_both_modes = len(rooms) + len(places) + len(climbs)
-    done, steps = 0, 1 + len(cases) + len(devices) + len(growing) + 2 * in_both_modes
+    once = len(cases) + len(growing) + len(grounds) + len(devices)
+    done, steps = 0, bool(cases) + once + 2 * (len(rooms) + len(places) + len(climbs))
 
     def step(name: str) -> None:
         nonlocal done
         progress(name, done / steps)
         done += 1
 
+    def others() -> list[Section]:
+        surfaces = [surface_section.section(grounds, out / "surface", surveys, step)] if grounds else []
+        return [*surfaces, *instrument_data.sections(devices, out, step)]
+
     if not cases:
-        return instrument_data.sections(devices, out, step)
+        return others()
     outcomes: list[CaseOutcome] = []
     certainties: dict[str, reliability.Bins] = {}
     for case in cases:
@@ -104,7 +113,7 @@ def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -
         *([reliability.section(certainties, out)] if certainties else []),
         *([landing_points.section(places, out, surveys, step)] if places else []),
         window_timing.section(outcomes, out),
-        *instrument_data.sections(devices, out, step),
+        *others(),
     ]
 
 

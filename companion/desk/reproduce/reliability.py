@@ -1,4 +1,4 @@
-"""Reliability diagram of the certainty: share of truly safe cells by certainty."""
+"""Reliability diagram of a probability: share of cells for which it is true, by probability."""
 
 from __future__ import annotations
 
@@ -30,8 +30,22 @@ COLUMNS = ("certainty", "cells", "mean certainty", "share truly safe", "called s
 
 
 @dataclass(frozen=True, slots=True)
+class Words:
+    """Title and labels of a diagram: its axes, and the bars of cells called so and of those wrongly so."""
+
+    title: str
+    mean: str
+    share: str
+    called: str
+    wrong: str
+
+
+CERTAINTY = Words("Certainty against the truth", *COLUMNS[2:])
+
+
+@dataclass(frozen=True, slots=True)
 class Bins:
-    """Counts by bin of `EDGES`: cells, sum of their certainties, truly safe, called safe, wrongly so."""
+    """Counts by bin of `EDGES`: cells, sum of their probabilities, truly so, called so, wrongly so."""
 
     cells: NDArray[np.int64]
     total: NDArray[np.float64]
@@ -40,13 +54,11 @@ class Bins:
     wrong: NDArray[np.int64]
 
     @classmethod
-    def of(
-        cls, certainty: NDArray[Any], truly_safe: NDArray[np.bool_], called_safe: NDArray[np.bool_]
-    ) -> Self:
+    def of(cls, probability: NDArray[Any], true: NDArray[np.bool_], called: NDArray[np.bool_]) -> Self:
         """Count cells, given (n,) each; a bin includes its lower bound, the last one both."""
         n = len(EDGES) - 1
-        # Bounds in float32, so that a certainty of 0.99 equals the bound of 0.99.
-        number = np.searchsorted(np.array(EDGES, np.float32), certainty.astype(np.float32), "right") - 1
+        # Bounds in float32, so that a probability of 0.99 equals the bound of 0.99.
+        number = np.searchsorted(np.array(EDGES, np.float32), probability.astype(np.float32), "right") - 1
         number = number.clip(0, n - 1)
 
         def count(where: NDArray[np.bool_]) -> NDArray[np.int64]:
@@ -54,10 +66,10 @@ class Bins:
 
         return cls(
             count(np.ones(len(number), bool)),
-            np.asarray(np.bincount(number, certainty.astype(np.float64), n), np.float64),
-            count(truly_safe),
-            count(called_safe),
-            count(called_safe & ~truly_safe),
+            np.asarray(np.bincount(number, probability.astype(np.float64), n), np.float64),
+            count(true),
+            count(called),
+            count(called & ~true),
         )
 
     def __add__(self, other: Bins) -> Bins:
@@ -71,13 +83,13 @@ class Bins:
 
     @property
     def mean(self) -> NDArray[np.float64]:
-        """Return the mean certainty of each bin, NaN where empty."""
+        """Return the mean probability of each bin, NaN where empty."""
         with np.errstate(invalid="ignore"):
             return np.asarray(self.total / self.cells)
 
     @property
     def share(self) -> NDArray[np.float64]:
-        """Return the share of truly safe cells of each bin, NaN where empty."""
+        """Return the share of cells of each bin for which it is true, NaN where empty."""
         with np.errstate(invalid="ignore"):
             return np.asarray(self.true / self.cells)
 
@@ -104,9 +116,24 @@ def section(counted: Mapping[str, Bins], out: Path) -> Section:
     counted
         Bins by name of the survey, at least one.
     """
+    total = add(counted)
+    errors = [(name, bins.error) for name, bins in counted.items()]
+    text = TEXT + f"{total.error:.4f}; by survey " + ", ".join(f"{name} {e:.4f}" for name, e in errors) + "."
+    file = out / "certainty.png"
+    draw(counted, CERTAINTY, file)
+    table = Table("Certainty", text, COLUMNS, rows(total))
+    return Section([table], [(CERTAINTY.title, [file])], {"certainty": figures(counted)})
+
+
+def add(counted: Mapping[str, Bins]) -> Bins:
+    """Return the sum of at least one survey's bins."""
     surveys = list(counted.values())
-    total = sum(surveys[1:], surveys[0])
-    rows: list[tuple[str, ...]] = [
+    return sum(surveys[1:], surveys[0])
+
+
+def rows(total: Bins) -> list[tuple[str, ...]]:
+    """Return a table's row for each bin: its bounds, cells, mean, share, cells called so, of those wrong."""
+    return [
         (
             _bin_name(number),
             f"{total.cells[number]:,}",
@@ -117,13 +144,14 @@ def section(counted: Mapping[str, Bins], out: Path) -> Section:
         )
         for number in range(len(EDGES) - 1)
     ]
-    errors = [(name, bins.error) for name, bins in counted.items()]
-    text = TEXT + f"{total.error:.4f}; by survey " + ", ".join(f"{name} {e:.4f}" for name, e in errors) + "."
-    file = out / "certainty.png"
-    _draw(counted, total, file)
-    figures = {
+
+
+def figures(counted: Mapping[str, Bins]) -> dict[str, Any]:
+    """Return the calibration errors, and the cells, mean and share of each bin, for JSON."""
+    total = add(counted)
+    return {
         "calibration_error": round(total.error, 5),
-        "by_survey": {name: round(error, 5) for name, error in errors},
+        "by_survey": {name: round(bins.error, 5) for name, bins in counted.items()},
         "bins": {
             _bin_name(number): [
                 int(total.cells[number]),
@@ -134,33 +162,33 @@ def section(counted: Mapping[str, Bins], out: Path) -> Section:
             if total.cells[number]
         },
     }
-    table = Table("Certainty", text, COLUMNS, rows)
-    return Section([table], [("Certainty against the truth", [file])], {"certainty": figures})
 
 
 def _bin_name(number: int) -> str:
     return f"{EDGES[number]:g} to {EDGES[number + 1]:g}"
 
 
-def _draw(counted: Mapping[str, Bins], total: Bins, file: Path) -> None:
+def draw(counted: Mapping[str, Bins], words: Words, file: Path) -> None:
+    """Draw the diagram of each survey and of all, and the cells of each bin below it, as PNG."""
     from matplotlib.figure import Figure
 
+    total = add(counted)
     figure = Figure(figsize=(11.0, 8.0), dpi=130, layout="constrained")
     axes = figure.subplot_mosaic([["linear", "logit"], ["cells", "cells"]], height_ratios=(3, 1))
-    _draw_diagram(axes["linear"], counted, total)
-    axes["linear"].set_title("Certainty against the truth", loc="left", fontsize=13, fontweight="bold")
+    _draw_diagram(axes["linear"], counted, total, words)
+    axes["linear"].set_title(words.title, loc="left", fontsize=13, fontweight="bold")
     axes["linear"].legend(loc="lower right", fontsize=8, frameon=False)
-    _draw_diagram(axes["logit"], counted, total)
+    _draw_diagram(axes["logit"], counted, total, words)
     axes["logit"].set_title("the same, its ends drawn wide", loc="left", fontsize=11)
     axes["logit"].set_xscale("logit")
     axes["logit"].set_yscale("logit")
     axes["logit"].set_xlim(1e-4, 1 - 1e-4)
     axes["logit"].set_ylim(1e-4, 1 - 1e-4)
-    _draw_cells(axes["cells"], total)
+    _draw_cells(axes["cells"], total, words)
     figure.savefig(file, bbox_inches="tight", pad_inches=0.15)
 
 
-def _draw_diagram(axes: Axes, counted: Mapping[str, Bins], total: Bins) -> None:
+def _draw_diagram(axes: Axes, counted: Mapping[str, Bins], total: Bins, words: Words) -> None:
     from matplotlib import colormaps
 
     line = np.concatenate([np.geomspace(1e-4, 0.5), 1 - np.geomspace(0.5, 1e-4)])
@@ -171,8 +199,8 @@ def _draw_diagram(axes: Axes, counted: Mapping[str, Bins], total: Bins) -> None:
         axes.plot(x, y, color=colour, linewidth=0.8, marker=".", markersize=5, alpha=0.7, label=name)
     x, y = _drawn(total)
     axes.plot(x, y, color="black", linewidth=2.0, marker="o", markersize=5, label="all surveys")
-    axes.set_xlabel("mean certainty", fontsize=9)
-    axes.set_ylabel("share truly safe", fontsize=9)
+    axes.set_xlabel(words.mean, fontsize=9)
+    axes.set_ylabel(words.share, fontsize=9)
     axes.tick_params(labelsize=8)
     axes.grid(alpha=0.3, linewidth=0.5)
 
@@ -184,12 +212,12 @@ def _drawn(bins: Bins) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return x, y
 
 
-def _draw_cells(axes: Axes, total: Bins) -> None:
+def _draw_cells(axes: Axes, total: Bins, words: Words) -> None:
     n = len(EDGES) - 1
     places = np.arange(n)
     axes.bar(places, np.maximum(total.cells, 1), color="#9ecae1", edgecolor="#3182bd", label="known cells")
-    axes.bar(places, np.maximum(total.called, 1), width=0.5, color="#1b7837", label="called safe")
-    axes.bar(places, np.maximum(total.wrong, 1), width=0.2, color="#d7301f", label="of those unsafe")
+    axes.bar(places, np.maximum(total.called, 1), width=0.5, color="#1b7837", label=words.called)
+    axes.bar(places, np.maximum(total.wrong, 1), width=0.2, color="#d7301f", label=words.wrong)
     axes.set_yscale("log")
     axes.set_ylim(1, 3.0 * max(1, int(total.cells.max())))
     axes.set_xticks(places, [_bin_name(number).replace(" to ", "–") for number in range(n)])

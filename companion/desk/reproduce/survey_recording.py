@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.runtime.errors import CompanionError
-from slz import LocalFrame, Scan, Window, join
+from slz import LocalFrame, PointAttributes, Scan, Window, join
 
 FRAME = LocalFrame(47.3977419, 8.5455938, 488.0)
 WINDOW_CHUNKS = 10
@@ -22,7 +24,10 @@ WINDOW_CHUNKS = 10
 
 @dataclass(frozen=True, slots=True)
 class SurveyFlight:
-    """Options of `python -m sitl.flown_survey`."""
+    """Options of `python -m sitl.flown_survey`.
+
+    surface: whether the recording holds what tells the kind of ground besides its shape.
+    """
 
     scene: str
     extent_m: tuple[float, float, float, float]
@@ -36,6 +41,7 @@ class SurveyFlight:
     slope_limit_deg: float = 10.0
     relief_limit_m: float = 0.3
     climb_m: float = 0.0
+    surface: bool = False
 
     def options(self) -> list[str]:
         return [
@@ -51,7 +57,35 @@ class SurveyFlight:
             f"--slope-limit={self.slope_limit_deg:g}",
             f"--relief-limit={self.relief_limit_m:g}",
             *([f"--climb={self.climb_m:g}"] if self.climb_m else []),
+            *(["--surface"] if self.surface else []),
         ]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedSurface:
+    """Evidence of the kind of ground beside its shape, and the true kind.
+
+    bright: (n,) share of what a white target sends back, of each return. lost_enu_m, lost_origin_enu_m:
+    (m, 3) point on each ray without a return, and the sensor's position then. lost_weight: (m,) number of
+    rays that each stands for. lost_count: (k,) of each scan. kind: raster of the truth, by the numbers of
+    `names`. roof_height_m: of roofs over the ground around them, NaN elsewhere.
+    """
+
+    bright: NDArray[np.float32]
+    lost_enu_m: NDArray[np.float32]
+    lost_origin_enu_m: NDArray[np.float32]
+    lost_weight: NDArray[np.float32]
+    lost_count: NDArray[np.int64]
+    kind: NDArray[np.uint8]
+    names: dict[str, int]
+    roof_height_m: NDArray[np.float32]
+
+    def attributes(self, returns: slice, lost: slice) -> PointAttributes:
+        """Return the attributes of a scan; numbers of returns are unknown."""
+        none = np.zeros(returns.stop - returns.start, np.uint8)
+        rays = (self.lost_enu_m[lost], self.lost_origin_enu_m[lost])
+        ends, origins = (ray.astype(np.float64) for ray in rays)
+        return PointAttributes.of(self.bright[returns], none, none, ends, origins, self.lost_weight[lost])
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,22 +103,30 @@ class SurveyRecording:
     height_m: NDArray[np.float32]
     regions: dict[str, NDArray[np.float64]]
     description: str
+    surface: RecordedSurface | None = None
 
     def windows(self) -> Iterator[Window]:
-        """Yield windows of one second, joined from scans as in flight."""
-        start = np.concatenate([[0], np.cumsum(self.count)])
-        for chunk in range(0, len(self.count), WINDOW_CHUNKS):
-            parts = [
-                (slice(int(start[k]), int(start[k + 1])), self.sensor_enu_m[k])
-                for k in range(chunk, min(chunk + WINDOW_CHUNKS, len(self.count)))
-            ]
-            scans = [
-                Scan(self.points_enu_m[part].astype(np.float64), self.stamp_ns[part], sensor, FRAME)
-                for part, sensor in parts
-                if part.start < part.stop
-            ]
-            if scans:
-                yield join(scans)
+        """Yield windows of one second, joined from scans as in flight, with the attributes recorded."""
+        scans = self._scans()
+        while window := list(itertools.islice(scans, WINDOW_CHUNKS)):
+            if any(len(scan) for scan in window):
+                yield join(scan for scan in window if len(scan) or scan.attributes is not None)
+
+    def _scans(self) -> Iterator[Scan]:
+        """Yield every scan, those without a return too."""
+        lost_counts = np.zeros_like(self.count) if self.surface is None else self.surface.lost_count
+        for part, lost, sensor in zip(
+            _slices(self.count), _slices(lost_counts), self.sensor_enu_m, strict=True
+        ):
+            attributes = None if self.surface is None else self.surface.attributes(part, lost)
+            points = self.points_enu_m[part].astype(np.float64)
+            yield Scan(points, self.stamp_ns[part], sensor, FRAME, attributes=attributes)
+
+
+def _slices(counts: NDArray[np.int64]) -> list[slice]:
+    """Return consecutive slices of the given lengths."""
+    bounds = np.concatenate([[0], np.cumsum(counts)]).tolist()
+    return [slice(start, stop) for start, stop in itertools.pairwise(bounds)]
 
 
 def fly(survey: SurveyFlight, folder: Path) -> SurveyRecording:
@@ -120,4 +162,18 @@ def fly(survey: SurveyFlight, folder: Path) -> SurveyRecording:
             height_m=data["height_m"],
             regions=regions,
             description=str(data["description"]),
+            surface=_surface(data) if survey.surface else None,
         )
+
+
+def _surface(data: Mapping[str, NDArray[Any]]) -> RecordedSurface:
+    return RecordedSurface(
+        bright=data["bright"],
+        lost_enu_m=data["lost_enu_m"],
+        lost_origin_enu_m=data["lost_origin_enu_m"],
+        lost_weight=data["lost_weight"],
+        lost_count=data["lost_count"],
+        kind=data["surface"],
+        names=json.loads(str(data["surface_names"])),
+        roof_height_m=data["roof_height_m"],
+    )

@@ -7,7 +7,18 @@ import pytest
 from numpy.typing import NDArray
 
 import params
-from slz import SAFE, UNKNOWN, UNSAFE, LocalFrame, Pipeline, PointState, Report, TerrainMaps, Window
+from slz import (
+    SAFE,
+    UNKNOWN,
+    UNSAFE,
+    LocalFrame,
+    Pipeline,
+    PointState,
+    Report,
+    SurfaceKind,
+    TerrainMaps,
+    Window,
+)
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 HALF_M = 12.0
@@ -404,3 +415,15 @@ def test_new_maps_are_those_of_a_new_pipeline_but_for_the_numbers_of_their_zones
         assert mine.selected.height_m == other.selected.height_m
     for layer, found in maps(known).layers.items():
         np.testing.assert_array_equal(found, maps(fresh).layers[layer])
+
+
+def test_the_surface_at_a_point_is_that_of_its_cell_or_of_what_is_most_around_it() -> None:
+    pipe, cloud = pipeline(), ground()
+    cloud[(np.abs(cloud[:, :2]) < 3).all(axis=1), 2] += 4.0
+    inside, at_the_edge = np.array([0.5, 0.5, 4.0]), np.array([2.5, 0.5, 4.0])
+    assert pipe.surface_at(inside, 0.0).kind is SurfaceKind.UNKNOWN
+    run(pipe, cloud)
+    assert pipe.surface_at(at_the_edge, 0.0).kind is SurfaceKind.ROOF
+    assert pipe.surface_at(at_the_edge).kind is SurfaceKind.BARE
+    assert pipe.surface_at(inside).kind is SurfaceKind.ROOF
+    assert pipe.surface_at(inside, 8.0).kind is SurfaceKind.BARE

@@ -361,7 +361,7 @@ def test_a_run_tells_of_every_case_and_the_certainty_of_default_mode_only(
     monkeypatch.setattr(reproduce, "save_maps", lambda folder, *_: [folder / "safe.png"])
     monkeypatch.setattr(reproduce, "slope_errors", lambda: [SlopeError(5.0, 3.39, 0.05, 0.21, 1.0)])
     monkeypatch.setattr(reliability, "section", certainty)
-    found = run(tmp_path, lambda what, share: told.append((what, share)), "field")
+    found = run(tmp_path, lambda what, share: told.append((what, share)), "field, ")
     names = ["field, source mode", "field, default mode"]
     assert [what for what, _ in told] == [*names, "planes", "done"]
     assert [share for _, share in told] == pytest.approx([0, 1 / 3, 2 / 3, 1])

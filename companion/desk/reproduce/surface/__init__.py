@@ -1,0 +1,1 @@
+"""Comparison of classified ground with the truth."""
