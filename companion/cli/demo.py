@@ -19,7 +19,11 @@ DEMO_PAGE = "127.0.0.1:0"  # any free port
 def demo(
     context: typer.Context,
     scene: Annotated[
-        str, typer.Option(help="stadium, plain, hill, streets, mountains, dense or dust_out.")
+        str,
+        typer.Option(
+            help="stadium, plain, hill, streets, mountains, dense, dust_out; of water, roofs and plants: "
+            "lakes, ponds, river, flooded_field, car_park_dry, car_park_wet, flat_roofs, maize, snowfield."
+        ),
     ] = "stadium",
     sensor: Annotated[str, typer.Option(help="lidar, flash, radar or lidar+radar.")] = "lidar",
     seed: Annotated[int, typer.Option(min=0, help="Seed of scene, wind and noise.")] = 1,

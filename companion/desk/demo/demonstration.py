@@ -39,7 +39,11 @@ __all__ = ["DemoOptions", "fly", "sensor_named", "table"]
 
 log = logging.getLogger(__name__)
 
-SCENES = ("stadium", "plain", "hill", "streets", "mountains", "dense", "dust_out")
+SCENES = (
+    *("stadium", "plain", "hill", "streets", "mountains", "dense", "dust_out"),
+    *("lakes", "ponds", "river", "flooded_field", "car_park_dry", "car_park_wet", "flat_roofs", "maize"),
+    "snowfield",
+)
 TAKEOFF_M = {"dust_out": 40.0}
 """Take-off height by scene, where it is not 30 m: above the dust."""
 START_LIMIT_S = 180.0

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
+import re
 from typing import Any
 
 import pytest
 from rich.console import Console
 
 import params
-from companion.desk.demo.demonstration import gear_options, table
+from companion.cli.demo import demo
+from companion.desk.demo.demonstration import SCENES, gear_options, table
+from sitl.scenes import NAMES
 
 SAFE = {
     "scene": "streets",
@@ -66,3 +70,10 @@ def test_the_simulator_is_told_the_vehicle_s_gear() -> None:
 
 def test_without_a_gear_the_simulator_keeps_its_own() -> None:
     assert gear_options(params.build({"gear": "none"})) == []
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_scene_of_a_demonstration_is_one_of_the_simulator_s_and_named_in_the_help(scene: str) -> None:
+    assert scene in NAMES
+    (option,) = inspect.signature(demo, eval_str=True).parameters["scene"].annotation.__metadata__
+    assert scene in re.split(r"[^a-z_]+", option.help)
