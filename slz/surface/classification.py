@@ -50,7 +50,7 @@ def classify(
     both = np.where((dark > 0) & (vanishing > 0), np.float32(SCORE_BOTH), np.float32(0))
     vanishing = np.where(dark > 0, np.maximum(vanishing, dark) + both, vanishing)
     mirror = specular_returns(cells)
-    vanishing = np.where(mirror > 0, np.maximum(vanishing, mirror), vanishing)
+    vanishing = np.where(mirror.log_odds > 0, np.maximum(vanishing, mirror.log_odds), vanishing)
     # Around a strip of water that answered lies more of it, as even as ground: shape acquits it of little.
     level = extents.evidence()
     if shape is not None:
@@ -58,7 +58,7 @@ def classify(
     level = np.where(plateaus.log_odds > 0, np.minimum(level, 0), level)  # its banks are parapets
     log_odds = SCORE_WATER + np.where(vanishing > 0, np.maximum(level, MOST_ACQUITTAL), level) + vanishing
     # At its shore the window of a plane holds the bank, and below a mirror it may show the bottom.
-    sloping = np.where((level > 0) | (mirror > 0), 0, _sloping(cells))
+    sloping = np.where((level > 0) | (mirror.log_odds > 0), 0, _sloping(cells))
     log_odds += np.where(vanishing > CLEAR, np.maximum(sloping, LEAST_SLOPING), sloping)
     there = cells.seen | on_level
     water = with_flooded_ground(np.where(there, _probability(log_odds), 0), cells, extents, mirror)

@@ -10,37 +10,32 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from slz.kernels.surface.shores import flood
-from slz.kernels.surface.surface_record import NADIR, NADIR_M
 from slz.surface.level_extents import LevelExtents
-from slz.surface.specular_returns import FEWEST
+from slz.surface.specular_returns import SpecularReturns
 from slz.surface.surface_cells import Floats, SurfaceCells
 
 SEED = 0.2  # probability of water
 FEWEST_M2, FEWEST_SHINING_M2 = 20.0, 8.0  # of seeds of one level
 SURFACE_SHARE = 0.75  # of the heights of seeds, up to which a bottom may show
 LEAST_M, DEEPEST_M = 0.01, 0.4  # below the level, from which a bottom is told and to which it shows
-ONE_LEVEL_M = 0.06  # between that share and the highest tenth of the seeds that shine, waves included
-HIGH_SHARE = 0.9
+ONE_LEVEL_M = 0.15  # between low and high seeds that shine, with waves, and a bottom that draws them down
+SHARES = 0.1, SURFACE_SHARE, 0.9
 
 
 def with_flooded_ground(
-    water: NDArray[np.floating], cells: SurfaceCells, extents: LevelExtents, mirror: Floats
+    water: NDArray[np.floating], cells: SurfaceCells, extents: LevelExtents, mirror: SpecularReturns
 ) -> NDArray[np.floating]:
     """Return the probabilities of water, those of flooded ground as that of the water which floods it.
 
-    Water that floods is that of level extents, and that which shines from above, at the height that it has
-    from there.
-
-    Parameters
-    ----------
-    mirror
-        (rows, cols), more than 0 where the surface shines.
+    Water that floods is that of level extents, and that which shines from above over a bottom seen from
+    aside, at the height that it has from above.
     """
     water = _flooded(water, cells, extents.labels, cells.mean_m, FEWEST_M2, np.inf)
-    if not mirror.any():
+    shines = np.isfinite(mirror.surface_m)
+    if not shines.any():
         return water
-    shining = np.asarray(ndimage.label((mirror > 0) & (cells.fields[NADIR] >= FEWEST))[0], np.int32)
-    return _flooded(water, cells, shining, cells.fields[NADIR_M], FEWEST_SHINING_M2, ONE_LEVEL_M)
+    labels = np.asarray(ndimage.label(shines)[0], np.int32)
+    return _flooded(water, cells, labels, mirror.surface_m, FEWEST_SHINING_M2, ONE_LEVEL_M)
 
 
 def _flooded(
@@ -58,8 +53,8 @@ def _flooded(
     level = np.full(len(size), np.nan)
     for label in np.flatnonzero(size >= fewest_m2).tolist():
         ranked = np.sort(height[seeds == label])
-        own, high = ranked[[int(SURFACE_SHARE * len(ranked)), int(HIGH_SHARE * len(ranked))]]
-        if high - own <= one_level_m:
+        low, own, high = (ranked[int(share * len(ranked))] for share in SHARES)
+        if high - low <= one_level_m:
             level[label] = own  # a bottom that shows here and there draws the mean down
     if not np.isfinite(level).any():
         return water

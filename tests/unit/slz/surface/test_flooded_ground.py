@@ -8,13 +8,14 @@ from numpy.typing import NDArray
 
 from slz.surface.flooded_ground import with_flooded_ground
 from slz.surface.level_extents import level_extents
+from slz.surface.specular_returns import SpecularReturns
 from slz.surface.surface_cells import SurfaceCells
 from tests.unit.slz.surface.made_ground import Flags, Floats, from_middle, lake, made, places
 
 DISTANCE = from_middle(*places(80))
 LAKE = DISTANCE < 13
 LITTLE = LAKE & (np.arange(80) > 40) & (np.arange(80) == 40)[:, np.newaxis]  # a row up to the shallows
-NO_MIRROR = np.zeros(LAKE.shape, np.float32)
+NO_MIRROR = SpecularReturns(np.zeros(LAKE.shape, np.float32), np.full(LAKE.shape, np.nan, np.float32))
 SHALLOWS = (DISTANCE > 14) & (DISTANCE < 16)
 
 

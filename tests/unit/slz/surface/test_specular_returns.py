@@ -47,20 +47,20 @@ def seen(
     ],
 )
 def test_water_shines_from_above_and_lies_lower_from_aside(ratio: float, drop_m: float, water: bool) -> None:
-    told = specular_returns(seen(soil(), ratio, drop_m))
+    told = specular_returns(seen(soil(), ratio, drop_m)).log_odds
     assert (told[28:32, 24:36] > 0).all() == water
     assert (told > 0).any() == water
 
 
 @pytest.mark.parametrize("field", [NADIR, ASIDE])
 def test_a_surface_seen_from_one_side_only_tells_nothing(field: int) -> None:
-    assert not specular_returns(with_fields(seen(soil(), 20, 0.1), {field: 0})).any()
+    assert not specular_returns(with_fields(seen(soil(), 20, 0.1), {field: 0})).log_odds.any()
 
 
 def test_few_returns_tell_nothing() -> None:
     one = np.zeros_like(MIDDLE)
     one[30, 30] = True
-    assert not specular_returns(seen(soil(), 20, 0.1, n=2, where=one)).any()
+    assert not specular_returns(seen(soil(), 20, 0.1, n=2, where=one)).log_odds.any()
 
 
 def test_the_ground_lower_than_a_mirror_is_flooded_and_the_higher_is_not() -> None:
