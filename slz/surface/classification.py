@@ -5,24 +5,27 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.surface.surface_record import DARK, LOST_NEAR
 from slz.surface.dark_returns import dark_returns
 from slz.surface.flooded_ground import with_flooded_ground
 from slz.surface.level_extents import fine_extents, level_extents
 from slz.surface.penetration import DEPTH_M, penetration
 from slz.surface.raised_plateaus import raised_plateaus
 from slz.surface.specular_returns import specular_returns
-from slz.surface.surface_cells import Floats, SurfaceCells
+from slz.surface.surface_cells import Flags, Floats, SurfaceCells
 from slz.surface.surface_kinds import SurfaceKind
 from slz.surface.surface_probabilities import SurfaceLayers
 from slz.surface.survey_classes import SurveyClasses
-from slz.surface.vanishing_returns import vanishing_returns
+from slz.surface.vanishing_returns import FEWEST_RAYS, vanishing_returns
 
 SCORE_WATER = -4.7  # log odds of water before any evidence
 MOST_ACQUITTAL = -0.5  # log odds, of an extent over which returns vanish
+FEWEST_BRIGHT, SCORE_BRIGHT = 6.0, 1.5
 SCORE_BOTH = 2.0  # log odds more, where returns vanish and those left are darker than any dry ground
-CLEAR, LEAST_SLOPING = 4.0, -3.4  # vanishing returns that outweigh a gradient of few returns
-# Water has no gradient; ground whose plane is clean has the one told.
+# Water has no gradient; ground whose plane is clean has the one told. An attitude that errs tilts water by
+# 1.3 degrees (PX4), so where near rays surely vanish the ground must slope by more.
 GRADIENTS, SCORES_SLOPING = (0.004, 0.01, 0.02), (0.0, -3.5, -5.0)
+TILTED, SCORES_TILTED = (0.025, 0.045, 0.07), (0.0, -3.4, -5.0)
 WINDOW, SIGMAS = 1.4, 2.5  # standard deviation of places in a plane's window, in cells; standard errors
 CLEAN_M = 0.05  # residual of the plane of such ground, without a bank in it
 FEWEST_RETURNS = 8.0  # in the window of a plane, to tell a kind
@@ -46,7 +49,9 @@ def classify(
     extents = level_extents(cells) if shape is None else fine_extents(cells)
     plateaus, plants = raised_plateaus(cells), penetration(cells)
     on_level = extents.labels > 0 if shape is None else (extents.labels > 0) | (shape != 0)
-    vanishing, dark = vanishing_returns(cells, on_level), dark_returns(cells)
+    vanishing, dark = vanishing_returns(cells, on_level), dark_returns(cells, on_level)
+    bright = cells.fields[DARK] <= -FEWEST_BRIGHT
+    vanishing = np.where(bright, np.minimum(vanishing, SCORE_BRIGHT), vanishing)
     both = np.where((dark > 0) & (vanishing > 0), np.float32(SCORE_BOTH), np.float32(0))
     vanishing = np.where(dark > 0, np.maximum(vanishing, dark) + both, vanishing)
     mirror = specular_returns(cells)
@@ -57,9 +62,9 @@ def classify(
         level = np.where(shape != 0, np.maximum(level, shape), level)
     level = np.where(plateaus.log_odds > 0, np.minimum(level, 0), level)  # its banks are parapets
     log_odds = SCORE_WATER + np.where(vanishing > 0, np.maximum(level, MOST_ACQUITTAL), level) + vanishing
+    sure = (cells.fields[LOST_NEAR] >= FEWEST_RAYS) | (dark > 0)
     # At its shore the window of a plane holds the bank, and below a mirror it may show the bottom.
-    sloping = np.where((level > 0) | (mirror.log_odds > 0), 0, _sloping(cells))
-    log_odds += np.where(vanishing > CLEAR, np.maximum(sloping, LEAST_SLOPING), sloping)
+    log_odds += np.where((level > 0) | (mirror.log_odds > 0), 0, _sloping(cells, (vanishing > 0) & sure))
     there = cells.seen | on_level
     water = with_flooded_ground(np.where(there, _probability(log_odds), 0), cells, extents, mirror)
     for_plants, for_roof = plants.log_odds, plateaus.log_odds
@@ -77,13 +82,15 @@ def classify(
     return SurfaceLayers(np.stack([*parts, plateaus.raised_m, kind, level]).astype(np.float32))
 
 
-def _sloping(cells: SurfaceCells) -> Floats:
+def _sloping(cells: SurfaceCells, watery: Flags) -> Floats:
     """Return the log odds for water from the gradient of the ground, as far as noise does not explain it."""
     with np.errstate(invalid="ignore"):
         clean = cells.residual_m < CLEAN_M
     score = np.zeros(cells.shape, np.float32)
     error = cells.residual_m[clean] / np.sqrt(cells.n_around[clean]) / (WINDOW * cells.cell_m)
-    score[clean] = np.interp(cells.gradient[clean] - SIGMAS * error, GRADIENTS, SCORES_SLOPING)
+    sure = cells.gradient[clean] - SIGMAS * error
+    by_tilt = np.interp(sure, TILTED, SCORES_TILTED)
+    score[clean] = np.where(watery[clean], by_tilt, np.interp(sure, GRADIENTS, SCORES_SLOPING))
     return score
 
 

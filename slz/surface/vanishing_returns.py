@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.surface.neighbourhood import box_sums
-from slz.kernels.surface.surface_record import LOST_OBLIQUE, LOST_SLANTED, OBLIQUE, REPORTED, SLANTED
+from slz.kernels.surface.surface_record import DARK, LOST_OBLIQUE, LOST_SLANTED, OBLIQUE, REPORTED, SLANTED
 from slz.surface.surface_cells import Flags, Floats, SurfaceCells
 
 FEWEST_RAYS = 4.0  # of a cell that decide
@@ -47,7 +47,8 @@ def vanishing_returns(cells: SurfaceCells, level: Flags) -> Floats:
         suspect = np.maximum(np.maximum(own, by_slanted), np.maximum(by_oblique, 0))
         score = np.where(silent, np.maximum(score, suspect), score)
     if (silent & level).any() and oblique.any():
-        around, without = box_sums(np.stack([oblique, lost]) * level, EXTENT)
+        # What dark cells answered is no sign of dry ground: murky water answers so.
+        around, without = box_sums(np.stack([oblique * (f[DARK] <= 0), lost]) * level, EXTENT)
         on_extent = _score(around, without, FEWEST_ON_EXTENT, OBLIQUE_SHARES, OBLIQUE_SCORES)
         score = np.where(silent & level & (score <= 0), np.minimum(on_extent, 0), score)
     return np.asarray(score, np.float32)

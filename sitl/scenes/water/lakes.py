@@ -1,4 +1,4 @@
-"""Two lakes with sandy shores and a belt of reed in a light wind; the start is on the shore of one."""
+"""Two lakes with sandy shores and a belt of reed; the start is on the shore of one. Wind and murk vary."""
 
 from __future__ import annotations
 
@@ -16,12 +16,15 @@ from sitl.world.water_waves import WaterState
 LAKES = ((55.0, 10.0, 38.0, 25.0), (-75.0, -60.0, 20.0, 13.0))
 """East, north and radii of the level bottoms; the shores are about 9 m farther out."""
 LEVEL_M, BOTTOM_M, SHORE_M = -1.0, -3.5, 14.0
-WATER = WaterState(wind_ms=3.0, fetch_m=90.0)
+WIND_MS, MURK = (1.0, 12.0), (0.0, 0.03)
+"""Of the seeds; murk up to that of muddy water, see ``WaterState.turbid``."""
 
 
 def build(seed: int) -> Scene:
-    """Return the lakes; the seed sets relief and trees."""
-    terrain_rng, rng = np.random.default_rng(seed).spawn(2)
+    """Return the lakes; the seed sets relief, trees, wind and murk."""
+    terrain_rng, rng, water_rng = np.random.default_rng(seed).spawn(3)
+    wind_ms, turbid = water_rng.uniform(*WIND_MS), water_rng.uniform(*MURK)
+    water = WaterState(wind_ms=float(wind_ms), fetch_m=90.0, turbid=float(turbid))
     terrain = Terrain(150.0, 0.5, terrain_rng)
     terrain.swell(0.25, 80.0)
     terrain.level(terrain.rectangle(-10.0, 0.0, 3.0, 20.0), 0.0, 10.0)
@@ -42,9 +45,9 @@ def build(seed: int) -> Scene:
     return Scene(
         name="lakes",
         seed=seed,
-        world=terrain.world(solids, water=WATER),
+        world=terrain.world(solids, water=water),
         home_enu=(0.0, 10.0, 0.0),
-        description="Two lakes with sandy shores, reed, meadows and trees, in a wind of 3 m/s",
+        description=f"Two lakes with sandy shores, reed, meadows and trees, in a wind of {wind_ms:.0f} m/s",
         regions={
             **{f"lake-{k}": ellipse(x, y, a + 7.0, b + 7.0) for k, (x, y, a, b) in enumerate(LAKES, 1)},
             "meadow": rectangle(-120.0, 20.0, -30.0, 120.0),

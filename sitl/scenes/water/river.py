@@ -16,12 +16,15 @@ LEVEL_M, BED_M, BANK_M = -1.2, -2.9, 9.0
 HALF_BED_M = 9.0
 BAR = (45.0, 16.0)
 """Gravel bar: east, half length."""
-WATER = WaterState(wind_ms=8.0, fetch_m=600.0, towards_rad=0.2, turbid=0.004)
+MURK = (0.0, 0.03)
+"""Of the seeds: a clear to a muddy river, see ``WaterState.turbid``."""
 
 
 def build(seed: int) -> Scene:
-    """Return the river; the seed sets relief and trees."""
-    terrain_rng, rng = np.random.default_rng(seed).spawn(2)
+    """Return the river; the seed sets relief, trees and murk."""
+    terrain_rng, rng, water_rng = np.random.default_rng(seed).spawn(3)
+    turbid = float(water_rng.uniform(*MURK))
+    water = WaterState(wind_ms=8.0, fetch_m=600.0, towards_rad=0.2, turbid=turbid)
     terrain = Terrain(150.0, 0.5, terrain_rng)
     terrain.swell(0.3, 70.0)
     terrain.level(terrain.rectangle(-8.0, -6.0, 8.0, 10.0), 0.0, 10.0)
@@ -41,7 +44,7 @@ def build(seed: int) -> Scene:
     return Scene(
         name="river",
         seed=seed,
-        world=terrain.world(solids, water=WATER),
+        world=terrain.world(solids, water=water),
         home_enu=(0.0, 2.0, 0.0),
         description="Murky river 28 m wide with waves in a wind of 8 m/s, a gravel bar, meadows and trees",
         regions={"river": _course(), "meadow": rectangle(-140.0, 20.0, 140.0, 120.0)},

@@ -24,6 +24,7 @@ from slz.kernels.surface.surface_record import (
     FARTHEST_M,
     FLATTEST_DEG,
     HIGH,
+    LOST_NEAR,
     LOST_OBLIQUE,
     LOST_SLANTED,
     LOW,
@@ -32,6 +33,7 @@ from slz.kernels.surface.surface_record import (
     NADIR_DEG,
     NADIR_LIGHT,
     NADIR_M,
+    NO_MIRROR_DEG,
     OBLIQUE,
     OBLIQUE_DEG,
     REPORTED,
@@ -40,6 +42,7 @@ from slz.kernels.surface.surface_record import (
     SLANTED_DEG,
     SQUARES,
     SUMS,
+    SURE_M,
     SURFACE_FIELDS,
     TALL,
     TIME,
@@ -52,6 +55,7 @@ OBLIQUE_TAN2 = math.tan(math.radians(OBLIQUE_DEG)) ** 2
 FLATTEST_TAN2 = math.tan(math.radians(FLATTEST_DEG)) ** 2
 NADIR_TAN2 = math.tan(math.radians(NADIR_DEG)) ** 2
 ASIDE_TAN2 = math.tan(math.radians(ASIDE_DEG)) ** 2
+NO_MIRROR_TAN2 = math.tan(math.radians(NO_MIRROR_DEG)) ** 2
 DIFFUSE_TAN2 = math.tan(math.radians(DIFFUSE_DEG)) ** 2
 MOST_DARK = np.float32(100)  # so that a change of the ground is seen
 F1, APART = np.float32(1), np.float32(APART_M)
@@ -142,7 +146,10 @@ def add_returns(
                 if DIFFUSE_TAN2 <= tan2 < FLATTEST_TAN2:
                     # A diffuse target is dimmer by the cosine.
                     dark = intensity[i] * np.sqrt(1 + tan2) < DARKEST
-                    held[DARK] = min(MOST_DARK, max(-MOST_DARK, held[DARK] + (F1 if dark else -F1)))
+                    if dark:
+                        held[DARK] = min(MOST_DARK, held[DARK] + F1)
+                    elif tan2 >= NO_MIRROR_TAN2:
+                        held[DARK] = max(-MOST_DARK, held[DARK] - F1)
                 if is_near[i]:
                     if tan2 < NADIR_TAN2:
                         held[NADIR] += F1
@@ -220,6 +227,8 @@ def add_lost(
                     held[f] = 0
             held[TIME] = now_s
             held[field] += np.float32(weights[i] * share)
+            if range2 <= SURE_M * SURE_M:
+                held[LOST_NEAR] += weights[i]
             held[REPORTED] += F1
             n += 1
     return n

@@ -4,27 +4,31 @@
 # of the returns near enough for heights. DEEP, TALL: returns lower, and higher, than the mean of the ones
 # before by `APART_M`. SEVERAL: returns of rays with several. TOLD: returns whose ray told their number.
 # SLANTED, OBLIQUE: returns at incidence from `SLANTED_DEG` on, and from `OBLIQUE_DEG` on. LOST_SLANTED,
-# LOST_OBLIQUE: rays without a return, likewise; REPORTED: those that their driver reported, which each stand
-# for several. DARK: returns at incidence from `DIFFUSE_DEG` on that are darker than any dry ground, less the
-# others. TIME: of the newest return (s). NADIR, NADIR_M, NADIR_LIGHT: number, mean height and mean intensity
-# of the returns of known intensity at incidence below `NADIR_DEG`; ASIDE, ASIDE_M, ASIDE_LIGHT: of those
-# from `ASIDE_DEG` to `OBLIQUE_DEG`.
+# LOST_OBLIQUE: rays without a return, likewise; LOST_NEAR: those of both within `SURE_M`; REPORTED: those
+# that their driver reported, which each stand for several. DARK: returns from `DIFFUSE_DEG` on that are
+# darker than any dry ground, less the brighter ones from `NO_MIRROR_DEG` on. TIME: of the newest return (s).
+# NADIR, NADIR_M, NADIR_LIGHT: number, mean height and mean intensity of the returns of known intensity below
+# `NADIR_DEG`; ASIDE, ASIDE_M, ASIDE_LIGHT: of those from `ASIDE_DEG` to `OBLIQUE_DEG`.
 (
-    COUNT, SQUARES, DEEP, TALL, SEVERAL, TOLD, SLANTED, OBLIQUE, LOST_SLANTED, LOST_OBLIQUE, REPORTED, DARK,
-    NADIR, ASIDE, MEAN, LOW, HIGH, NADIR_M, NADIR_LIGHT, ASIDE_M, ASIDE_LIGHT, TIME,
-) = range(22)  # fmt: skip
-SUMS = 14  # the first ones, which are halved where a cell has too many returns
-SURFACE_FIELDS = 22
+    COUNT, SQUARES, DEEP, TALL, SEVERAL, TOLD, SLANTED, OBLIQUE, LOST_SLANTED, LOST_OBLIQUE, LOST_NEAR,
+    REPORTED, DARK, NADIR, ASIDE, MEAN, LOW, HIGH, NADIR_M, NADIR_LIGHT, ASIDE_M, ASIDE_LIGHT, TIME,
+) = range(23)  # fmt: skip
+SUMS = 15  # the first ones, which are halved where a cell has too many returns
+SURFACE_FIELDS = 23
 
 SLANTED_DEG = 6.0
 OBLIQUE_DEG = 30.0
 FLATTEST_DEG = 65.0  # a ray that grazes the ground more tells little by its loss
 NADIR_DEG = 6.0  # incidence within which a mirror of gentle waves shows
 ASIDE_DEG = 12.0  # from which on it does not
-DIFFUSE_DEG = 15.0  # incidence from which on a mirror shows nothing
-DARKEST = 0.025  # share of the light of a white target that wet tarmac and coal send back at least
+DIFFUSE_DEG, NO_MIRROR_DEG = (
+    15.0,
+    22.0,
+)  # incidence from which on a mirror of a breeze, and of a storm, shows nothing
+DARKEST = 0.035  # share of the light of a white target that wet tarmac and coal send back at least
 APART_M = 0.25  # more than a slope of 14 degrees makes within a metre
 FARTHEST_M = 70.0  # range beyond which a lost ray tells nothing
+SURE_M = 35.0  # range within which few dry surfaces do not answer
 ANSWER_M = 25.0  # range within which dark wet tarmac still answers an oblique ray
 
 # Layers of `slz.kernels.surface.smooth_planes.smooth_planes`.

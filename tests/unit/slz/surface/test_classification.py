@@ -10,6 +10,7 @@ import pytest
 from slz.kernels.surface.surface_record import (
     COUNT,
     DARK,
+    LOST_NEAR,
     LOST_OBLIQUE,
     LOST_SLANTED,
     OBLIQUE,
@@ -155,7 +156,29 @@ def test_a_shape_told_before_with_more_of_the_surroundings_counts() -> None:
 def test_darkness_and_lost_rays_together_outweigh_the_bank_beside_a_shore(
     dark: float, lost: float, refused: bool
 ) -> None:
-    slope = made(lambda x, y: 0.03 * x + 0 * y, 40, per_m2=12)
+    slope = made(lambda x, y: 0.05 * x + 0 * y, 40, per_m2=12)
     evidence = {DARK: dark, LOST_OBLIQUE: lost, REPORTED: lost, OBLIQUE: 0 if lost else 40}
     water = classify(with_fields(slope, evidence)).water[8:-8, 8:-8]
     assert (water > SUSPICION).all() if refused else (water <= SUSPICION).all()
+
+
+@pytest.mark.parametrize(
+    ("near", "slope", "refused"), [(30, 0.023, True), (30, 0.08, False), (0, 0.023, False)]
+)
+def test_an_attitude_that_errs_tilts_water_but_no_near_ray_returns_from_it(
+    near: float, slope: float, refused: bool
+) -> None:
+    """By 1.3 degrees; ground beyond the reach of dark tarmac is told by its slope."""
+    tilted = made(lambda x, y: slope * x + 0 * y, 40, per_m2=12)
+    lost = {LOST_OBLIQUE: 30, LOST_NEAR: near, REPORTED: 30, OBLIQUE: 0}
+    water = classify(with_fields(tilted, lost)).water[8:-8, 8:-8]
+    assert (water > SUSPICION).all() if refused else (water <= SUSPICION).all()
+
+
+def test_bright_oblique_returns_outweigh_lost_rays() -> None:
+    """Of tarmac around cars, which hide it: a flat roof, a wet car park."""
+    level = made(lambda x, y: 0.012 * x + 0 * y, 40, per_m2=12)
+    lost = {LOST_OBLIQUE: 40, LOST_NEAR: 40, REPORTED: 10, OBLIQUE: 1}
+    dim, bright = (classify(with_fields(level, lost | {DARK: n})).water[8:-8, 8:-8] for n in (0, -10))
+    assert (dim > SUSPICION).all()
+    assert (bright <= SUSPICION).all()

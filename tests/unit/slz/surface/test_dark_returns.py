@@ -13,8 +13,11 @@ from tests.unit.slz.surface.made_ground import SUSPICION, lake, made, with_field
 LAKE = made(lake(8.0), 80)
 
 
-def told(dark: NDArray[np.floating]) -> NDArray[np.float32]:
-    return dark_returns(with_fields(LAKE, {DARK: dark}))
+NOWHERE = np.zeros(LAKE.shape, bool)
+
+
+def told(dark: NDArray[np.floating], level: NDArray[np.bool_] = NOWHERE) -> NDArray[np.float32]:
+    return dark_returns(with_fields(LAKE, {DARK: dark}), level)
 
 
 def at(row: int, col: int, value: float) -> NDArray[np.float64]:
@@ -47,3 +50,14 @@ def test_dark_level_ground_is_water_though_it_answers_obliquely() -> None:
     dark = with_fields(made(lambda x, _: 0 * x, 40), {DARK: 20.0})
     assert classify(dark).water.min() > SUSPICION
     assert classify(with_fields(dark, {DARK: -20.0})).water.max() <= SUSPICION
+
+
+def test_what_was_seen_from_above_alone_is_as_dark_as_its_level_extent() -> None:
+    """A strip that shines from above, amid murky water."""
+    strip, level = np.arange(80) == 40, ~NOWHERE
+    dark = np.where(np.abs(np.arange(80) - 40) < 5, 0, 3) + 0 * at(0, 0, 0)
+    assert (told(dark, level)[10:-10, strip] > 0).all()
+    assert not told(dark)[:, strip].any()
+    assert not told(-dark, level).any()
+    brighter = np.where(strip, -1, dark)
+    assert not told(brighter, level)[:, strip].any()

@@ -12,6 +12,7 @@ from slz.kernels.surface.surface_record import (
     LOST_OBLIQUE,
     LOST_SLANTED,
     REPORTED,
+    SURE_M,
 )
 from tests.unit.slz.kernels.surface.surface_tiles import Floats, Tiles, seen_from
 
@@ -61,6 +62,7 @@ def test_beyond_the_range_at_which_dark_ground_answers_a_ray_counts_by_the_squar
     assert tiles.lose(through(40, sensor=sensor), sensor) == 1
     share = min(1.0, (ANSWER_M / range_m) ** 2)
     assert tiles.pool[..., LOST_OBLIQUE].sum() == pytest.approx(share, rel=1e-5)
+    assert tiles.pool[..., LOST_NEAR].sum() == (range_m <= SURE_M)
 
 
 @pytest.mark.parametrize(

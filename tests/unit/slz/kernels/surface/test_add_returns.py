@@ -108,7 +108,8 @@ def test_echoes_count_where_their_number_is_known() -> None:
 @pytest.mark.parametrize(
     ("degrees", "intensity", "told"),
     [
-        (20, 0.5 * DARKEST, 1), (20, 2 * DARKEST, -1), (20, np.nan, 0), (10, 0.5 * DARKEST, 0),
+        (20, 0.5 * DARKEST, 1), (20, 2 * DARKEST, 0), (25, 2 * DARKEST, -1), (20, np.nan, 0),
+        (10, 0.5 * DARKEST, 0),
         (70, 0.1 * DARKEST, 0), (60, 0.4 * DARKEST, 1), (60, 0.6 * DARKEST, -1),
     ],
 )  # fmt: skip
@@ -122,7 +123,7 @@ def test_returns_darker_than_dry_ground_beside_nadir_are_dark(
 
 
 def test_a_few_newer_returns_outweigh_any_number_of_dark_ones() -> None:
-    tiles, at = Tiles(), np.tile(seen_from(SENSOR, 20, 12), (1000, 1))
+    tiles, at = Tiles(), np.tile(seen_from(SENSOR, 25, 12), (1000, 1))
     tiles.add(at, SENSOR, intensity=np.zeros(1000))
     assert tiles.cell(at[0, 0], at[0, 1])[DARK] == MOST_DARK
     tiles.add(at, SENSOR, intensity=np.ones(1000))
