@@ -9,6 +9,7 @@ from slz.kernels.surface.surface_record import (
     ANSWER_M,
     COUNT,
     FARTHEST_M,
+    LOST_NEAR,
     LOST_OBLIQUE,
     LOST_SLANTED,
     REPORTED,
