@@ -41,6 +41,10 @@ Points = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
 NONE = np.empty(0, np.int64)
+MOST_INTENSITY, FEWEST_INTENSITIES = (
+    1000.0,
+    20,
+)  # of a white target, a mirror is more; of a window, to tell a constant
 THIN_REACH = 1.2  # of the mapping reach, up to which isolated returns are judged
 
 
@@ -259,12 +263,22 @@ def _signal(window: Window, source: NDArray[np.int64] | None, datum_m: Points) -
     return Signal(
         origin,
         origins,
-        attributes.intensity[source],
+        _believable(attributes.intensity[source]),
         attributes.echoes[source],
         attributes.lost_enu_m - datum_m,
         attributes.lost_origin_enu_m - datum_m,
         attributes.lost_weight,
     )
+
+
+def _believable(intensity: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return intensities (n,), NaN where out of range; all of them where they are one constant."""
+    with np.errstate(invalid="ignore"):
+        good = (intensity >= 0) & (intensity <= MOST_INTENSITY)
+    some = intensity[good]
+    if len(some) < FEWEST_INTENSITIES or some.min() == some.max():
+        return np.full(len(intensity), np.nan, np.float32)
+    return intensity if good.all() else np.where(good, intensity, np.float32(np.nan))
 
 
 def _usable(points: Points, sensor_enu_m: Points, reach2: float) -> Flags:

@@ -135,6 +135,22 @@ class Window(Scan):
     origin: NDArray[np.uint16] | None = field(default=None, kw_only=True)
     origins_enu_m: NDArray[np.float64] | None = field(default=None, kw_only=True)
 
+    def __post_init__(self) -> None:
+        Scan.__post_init__(self)
+        origin, origins = self.origin, self.origins_enu_m
+        if origin is None and origins is None:
+            return
+        if origin is None or origins is None:
+            raise ValueError("origin and origins_enu_m must both be given, or neither")
+        if origin.shape != (len(self),) or origin.dtype != np.uint16:
+            raise ValueError(f"origin must be ({len(self)},) uint16, not {_form(origin)}")
+        if origins.ndim != 2 or origins.shape[1] != 3 or origins.dtype != np.float64:
+            raise ValueError(f"origins_enu_m must be (k, 3) float64, not {_form(origins)}")
+        if len(origin) and origin.max() >= len(origins):
+            raise ValueError(
+                f"origin must be below {len(origins)}, the number of origins, not {origin.max()}"
+            )
+
 
 class Windower:
     """Accumulator of scans: closes a window when the scans' own stamps span it.

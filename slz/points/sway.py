@@ -24,7 +24,9 @@ FEWEST_RETURNS = 60
 KNOWN_SHARE = 0.5  # of a span's returns over known ground, from which on its tilt is told
 AGREE_SHARE = 0.5  # of them, that agree with the fit
 LEAST_M = 0.01  # standard deviation of the spans' heights that is no noise
+LEAST_VIEW_M = 1.0  # standard deviation of the places; a line or a narrow view may be filled by an object
 MOST_M, MOST_TILT_RAD = 0.2, np.radians(2.0)  # what moves a span by more is an object that fills its view
+MOST_STEP_M = 0.05  # from span to span; a vehicle sways by 0.03 m in a tenth of a second
 ROUNDS = 3
 
 
@@ -46,7 +48,9 @@ class Sway:
             return points_enu_m
         span = self.of_scan[scan]
         out, off = points_enu_m.copy(), self.offsets[span]
-        way = points_enu_m[:, :2] - self.origins_enu_m[span, :2]
+        way = np.nan_to_num(
+            points_enu_m[:, :2] - self.origins_enu_m[span, :2]
+        )  # no tilt about an unknown place
         out[:, 2] -= off[:, 0] + off[:, 1] * way[:, 0] + off[:, 2] * way[:, 1]
         return out
 
@@ -56,7 +60,8 @@ def sway(
 ) -> Sway:
     """Return the sway of a window that is registered as a whole; none where it is no more than noise.
 
-    A span that too little of the map is below has the sway of its neighbours.
+    A span that too little of the map is below has the sway of its neighbours. Where a span steps from the one
+    before, something came into its view, and the window is taken as it is.
 
     Parameters
     ----------
@@ -80,12 +85,18 @@ def sway(
     for k in told:
         own = found[ends[k] : ends[k + 1]]
         places = own[:, :2] - origins[k, :2]
-        level = len(own) < KNOWN_SHARE * compared[k] or bool((places.std(axis=0) < FEWEST_SPREAD_M).any())
+        view_m = float(places.std(axis=0).min())
+        if not view_m >= LEAST_VIEW_M:  # NaN where the sensor's position is unknown
+            continue
+        level = len(own) < KNOWN_SHARE * compared[k] or view_m < FEWEST_SPREAD_M
         offset, share = robust_plane(places, own[:, 2], level, ROUNDS)
         if share >= AGREE_SHARE and abs(offset[0]) <= MOST_M and np.hypot(*offset[1:]) <= MOST_TILT_RAD:
             offsets[k] = offset
             good.append(k)
-    if good:
+    steps = np.abs(np.diff(offsets[good, 0])) > MOST_STEP_M * np.diff(good)
+    if not good or steps.any():
+        offsets[:] = 0
+    else:
         for column in offsets.T:
             column[:] = np.interp(np.arange(n), good, column[good])
     return Sway(offsets, origins, of_scan)

@@ -57,6 +57,7 @@ NADIR_TAN2 = math.tan(math.radians(NADIR_DEG)) ** 2
 ASIDE_TAN2 = math.tan(math.radians(ASIDE_DEG)) ** 2
 NO_MIRROR_TAN2 = math.tan(math.radians(NO_MIRROR_DEG)) ** 2
 DIFFUSE_TAN2 = math.tan(math.radians(DIFFUSE_DEG)) ** 2
+MOST_WEIGHT = np.float32(100)  # rays that a driver's report stands for
 MOST_DARK = np.float32(100)  # so that a change of the ground is seen
 F1, APART = np.float32(1), np.float32(APART_M)
 
@@ -195,7 +196,7 @@ def add_lost(
     for i in range(len(rays)):
         east, north, up = origins[i, 0], origins[i, 1], origins[i, 2]
         dx, dy, dz = rays[i, 0] - east, rays[i, 1] - north, up - rays[i, 2]
-        if not dz > 0.0:
+        if not dz > 0.0 or not 0.0 < weights[i] <= MOST_WEIGHT:
             continue
         tan2 = (dx * dx + dy * dy) / (dz * dz)
         if not (SLANTED_TAN2 <= tan2 <= FLATTEST_TAN2):

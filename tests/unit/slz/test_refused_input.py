@@ -11,7 +11,7 @@ import pytest
 from slz import LocalFrame
 from slz.flash.camera import FlashCamera, FlashFrame
 from slz.radar.line_buffer import RadarLines
-from slz.window import PointAttributes, Scan, Windower
+from slz.window import PointAttributes, Scan, Windower, join
 
 FRAME = LocalFrame(0.0, 0.0, 0.0)
 
@@ -55,6 +55,23 @@ def test_attributes_of_another_form_are_refused(changed: dict[str, Any], told: s
         dataclasses.replace(sound, **changed)
     with pytest.raises(ValueError, match="attributes must be of the 4 points, not of 3"):
         scan(attributes=PointAttributes.unknown(3))
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"origin": np.zeros(4, np.int64)}, r"origin must be \(4,\) uint16, not \(4,\) int64"),
+        ({"origin": np.zeros(3, np.uint16)}, r"origin must be \(4,\) uint16, not \(3,\)"),
+        ({"origins_enu_m": np.zeros((1, 2))}, r"origins_enu_m must be \(k, 3\) float64, not \(1, 2\)"),
+        ({"origins_enu_m": np.zeros((0, 3))}, "origin must be below 0, the number of origins, not 0"),
+        ({"origin": np.full(4, 1, np.uint16)}, "origin must be below 1, the number of origins, not 1"),
+        ({"origin": None}, "origin and origins_enu_m must both be given, or neither"),
+    ],
+)
+def test_origins_of_another_form_are_refused(changed: dict[str, Any], told: str) -> None:
+    sound = join([scan()])
+    with pytest.raises(ValueError, match=told):
+        dataclasses.replace(sound, **changed)
 
 
 def test_an_empty_scan_begins_no_window() -> None:

@@ -136,3 +136,48 @@ def test_a_scan_without_known_ground_below_sways_as_its_neighbours() -> None:
     assert maps is not None
     new = maps.relief_m[:, maps.relief_m.shape[1] * 3 // 4 :]
     assert np.nanquantile(new, 0.9) < 0.16
+
+
+def test_a_line_scanner_is_not_registered_by_its_scans() -> None:
+    """A slab of 0.18 m that comes under most of each line is no sway."""
+    with_gear = params.load("quadcopter", ["zone_m=40", "min_boundary_points=10"])
+    pipeline, rng = Pipeline(with_gear, (0.0, 0.0)), np.random.default_rng(1)
+    for window in range(12):
+        scans = []
+        for scan in range(40):
+            north = 3 * np.sin((window * 40 + scan) / 25)
+            x = 5 * np.tan(np.radians(-50 + 25 * (scan % 4) + 25 * rng.uniform(size=250)))
+            points = np.column_stack([x, north + rng.normal(0, 0.05, 250), rng.normal(0, 0.015, 250)])
+            if window >= 6:
+                points[(x > 0.1) & (x < 2.3) & (np.abs(points[:, 1]) < 0.5), 2] += 0.18
+            stamps = (window * 40 + scan) * 50_000_000 + np.linspace(0, 4e7, 250).astype(np.int64)
+            scans.append(Scan(points, stamps, np.array([0.0, north, 5.0]), FRAME))
+        pipeline.process(join(scans))
+    maps = pipeline.maps(which="near")
+    assert maps is not None
+    rows, cols = (
+        slice(*(round((v - low) / maps.grid.cell_m) - first for v in span))
+        for span, low, first in (
+            ((-0.3, 0.3), maps.grid.south_m, maps.box.row0),
+            ((0.4, 2.0), maps.grid.west_m, maps.box.col0),
+        )
+    )
+    assert not (maps.state[rows, cols] == SAFE).any()
+
+
+def test_scans_from_an_unknown_place_sway_as_the_others() -> None:
+    """Every second scan is of a sensor whose position is not known."""
+    pipeline, rng = Pipeline(params.load("quadcopter", SETTINGS), (0.0, 0.0)), np.random.default_rng(1)
+    for window in range(4):
+        scans = []
+        for scan in range(SCANS):
+            points = ground(rng)
+            points[:, 2] += heave(window * 2 + scan / 10)[0] if window else 0
+            stamps = (window * 20 + scan) * 100_000_000 + np.linspace(0, 9e7, len(points)).astype(np.int64)
+            sensor = SENSOR if scan % 2 or scan == SCANS - 1 else np.full(3, np.nan)
+            scans.append(Scan(points, stamps, sensor, FRAME))
+        report = pipeline.process(join(scans))
+    maps = pipeline.maps(which="near")
+    assert maps is not None
+    assert report.zones
+    assert np.quantile(relief_m(pipeline), 0.9) < 0.16
