@@ -35,7 +35,10 @@ LIKELIEST = np.array(
 
 
 def classify(
-    cells: SurfaceCells, classes: SurveyClasses | None = None, shape: Floats | None = None
+    cells: SurfaceCells,
+    classes: SurveyClasses | None = None,
+    shape: Floats | None = None,
+    sees_obliquely: bool = False,
 ) -> SurfaceLayers:
     """Tell the kinds of surface of a box of cells.
 
@@ -45,11 +48,13 @@ def classify(
         What the maker of a survey said, if any.
     shape
         (rows, cols) SHAPE as told before with more of the surroundings, 0 for none.
+    sees_obliquely
+        Whether the sensor sees obliquely elsewhere.
     """
     extents = level_extents(cells) if shape is None else fine_extents(cells)
     plateaus, plants = raised_plateaus(cells), penetration(cells)
     on_level = extents.labels > 0 if shape is None else (extents.labels > 0) | (shape != 0)
-    vanishing, dark = vanishing_returns(cells, on_level), dark_returns(cells, on_level)
+    vanishing, dark = vanishing_returns(cells, on_level, sees_obliquely), dark_returns(cells, on_level)
     bright = cells.fields[DARK] <= -FEWEST_BRIGHT
     vanishing = np.where(bright, np.minimum(vanishing, SCORE_BRIGHT), vanishing)
     both = np.where((dark > 0) & (vanishing > 0), np.float32(SCORE_BOTH), np.float32(0))

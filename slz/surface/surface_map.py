@@ -14,7 +14,7 @@ from params import Parameters
 from slz.grid import Box, Edges, common, within
 from slz.kernels.cells.cell_record import TILE
 from slz.kernels.surface.add_returns import add_lost, add_returns, tiles_hit
-from slz.kernels.surface.surface_record import COUNT, SURFACE_FIELDS, TIME
+from slz.kernels.surface.surface_record import COUNT, OBLIQUE, SURFACE_FIELDS, TIME
 from slz.surface.classification import classify
 from slz.surface.surface_cells import SurfaceCells
 from slz.surface.surface_kinds import SurfaceHere
@@ -30,6 +30,7 @@ PART_M = 1024.0  # side of a square that is classified at a time
 SHARE = 1 / 20  # of the memory for evidence
 TILE_BYTES = TILE * TILE * 4 * (SURFACE_FIELDS + N_LAYERS + 1)
 LEAST_TILES = 16
+OBLIQUE_SHARE = 0.2  # of the returns of a box, above which a sensor sees obliquely
 FOOT_M = 10.0  # around the vehicle, in which the ground that lost rays met is sought
 
 
@@ -83,6 +84,7 @@ class SurfaceMap:
         self._shape_s = np.full((capacity, TILE, TILE), -np.inf, np.float32)
         self._n_refused = np.zeros(capacity, np.int64)
         self._n_updates = 0
+        self._sees_obliquely = False
         self._given_up: list[Edges] = []
         self._slot: dict[Key, int] = {}
         self._last_s: dict[Key, float] = {}
@@ -229,7 +231,8 @@ class SurfaceMap:
             return []
         shape = None if far else self._shape(box, now_s)
         cells = SurfaceCells(np.ascontiguousarray(np.moveaxis(fields, 2, 0)), self.cell_m)
-        found = classify(cells, None, shape)
+        self._sees_obliquely |= bool(fields[..., OBLIQUE].sum() > OBLIQUE_SHARE * fields[..., COUNT].sum())
+        found = classify(cells, None, shape, self._sees_obliquely)
         if shape is not None:  # only a far look is remembered
             found.values[SHAPE] = shape
         changed = []

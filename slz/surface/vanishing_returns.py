@@ -10,20 +10,29 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.surface.neighbourhood import box_sums
-from slz.kernels.surface.surface_record import DARK, LOST_OBLIQUE, LOST_SLANTED, OBLIQUE, REPORTED, SLANTED
+from slz.kernels.surface.surface_record import (
+    COUNT,
+    DARK,
+    LOST_OBLIQUE,
+    LOST_SLANTED,
+    OBLIQUE,
+    REPORTED,
+    SLANTED,
+)
 from slz.surface.surface_cells import Flags, Floats, SurfaceCells
 
 FEWEST_RAYS = 4.0  # of a cell that decide
 FEWEST_REPORTED = 3.0  # lost rays that are no chance
 AROUND = 2  # cells; where a cell has too few rays of its own
 FEWEST_AROUND = 8.0  # rays of the neighbourhood
+SCORE_ABOVE = 4.0  # of a level cell seen from above alone, where no lost ray is reported
 EXTENT, FEWEST_ON_EXTENT = 10, 40.0  # cells around, and rays there on the same level extent
 # Shares of rays answered, and log odds. Water in wind answers slanted rays, so that they never make it dry.
 OBLIQUE_SHARES, OBLIQUE_SCORES = (0.1, 0.2, 0.75, 1.0), (4.5, 2.5, -3.0, -6.0)
 SLANTED_SHARES, SLANTED_SCORES = (0.3, 0.6, 0.85, 0.95), (4.0, 3.0, 0.5, 0.0)
 
 
-def vanishing_returns(cells: SurfaceCells, level: Flags) -> Floats:
+def vanishing_returns(cells: SurfaceCells, level: Flags, sees_obliquely: bool = False) -> Floats:
     """Return the log odds for water of every cell from its oblique and slanted rays; 0 where too few met it.
 
     Where too few met a cell, those of its neighbours tell: that of lost ones makes it suspect, and that of
@@ -33,6 +42,8 @@ def vanishing_returns(cells: SurfaceCells, level: Flags) -> Floats:
     ----------
     level
         (rows, cols), cells of level extents.
+    sees_obliquely
+        Whether the sensor sees obliquely elsewhere.
     """
     f = cells.fields
     rays = np.stack([f[OBLIQUE], f[LOST_OBLIQUE], f[SLANTED], f[LOST_SLANTED], f[REPORTED]])
@@ -46,6 +57,9 @@ def vanishing_returns(cells: SurfaceCells, level: Flags) -> Floats:
         by_slanted = _score(near[2], near[3], FEWEST_AROUND, SLANTED_SHARES, SLANTED_SCORES)
         suspect = np.maximum(np.maximum(own, by_slanted), np.maximum(by_oblique, 0))
         score = np.where(silent, np.maximum(score, suspect), score)
+    elif sees_obliquely:
+        above = level & (f[COUNT] >= FEWEST_RAYS) & (box_sums(f[OBLIQUE][np.newaxis], AROUND)[0] < 1)
+        score = np.where(above, np.maximum(score, np.float32(SCORE_ABOVE)), score)
     if (silent & level).any() and oblique.any():
         # What dark cells answered is no sign of dry ground: murky water answers so.
         around, without = box_sums(np.stack([oblique * (f[DARK] <= 0), lost]) * level, EXTENT)

@@ -94,3 +94,27 @@ def test_one_more_lost_ray_does_not_clear_a_cell_amid_lost_ones() -> None:
     before = scores(SLOPE, oblique=3 * amid, lost_oblique=lost)
     after = scores(SLOPE, oblique=3 * amid, lost_oblique=lost + amid, reported=np.where(BLOCK, 3.0, 0))
     assert after[MIDDLE] >= before[MIDDLE] > 2
+
+
+DENSE, DENSE_SLOPE = (made(shape, SIDE, 12) for shape in (lambda x, _: 0 * x, lambda x, _: 0.05 * x))
+CORE = np.maximum(*(np.abs(at - SIDE / 2) for at in places(SIDE))) < 1
+
+
+@pytest.mark.parametrize(
+    ("cells", "seen", "told"), [(DENSE, True, True), (DENSE, False, False), (DENSE_SLOPE, True, False)]
+)
+def test_level_ground_seen_from_above_alone_by_a_sensor_that_sees_obliquely_is_suspect(
+    cells: SurfaceCells, seen: bool, told: bool
+) -> None:
+    """Where the sensor reports no lost rays, so that their absence is all that tells."""
+    level = level_extents(cells).labels > 0
+    score = vanishing_returns(with_fields(cells, {OBLIQUE: 20 * ~BLOCK}), level, seen)
+    assert (score[CORE] > 0).all() == told
+    assert not (score[~BLOCK] > 0).any()
+
+
+def test_an_answered_oblique_ray_near_by_acquits_it() -> None:
+    level = level_extents(DENSE).labels > 0
+    one = np.zeros((SIDE, SIDE))
+    one[MIDDLE] = 1
+    assert vanishing_returns(with_fields(DENSE, {OBLIQUE: one}), level, True)[MIDDLE] <= 0
