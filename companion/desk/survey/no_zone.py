@@ -33,8 +33,8 @@ def maybe_water(found: Findings) -> str | None:
         return None
     area_m2 = n * (step * p.cell_m) ** 2
     return (
-        f"{area_m2:.0f} m2 may be water (level, with banks: probability above {p.water_suspicion:.0%}) and count"
-        " as unseen; where you know better, --set water_suspicion=1"
+        f"{area_m2:.0f} m2 may be water (level, with banks: probability above {p.water_suspicion:.0%}) and"
+        " count as unseen; where you know better, --set water_suspicion=1"
     )
 
 
