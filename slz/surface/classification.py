@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.surface.neighbourhood import box_sums
 from slz.kernels.surface.surface_record import DARK, LOST_NEAR
 from slz.surface.dark_returns import dark_returns
-from slz.surface.flooded_ground import with_flooded_ground
+from slz.surface.flooded_ground import SEED, with_flooded_ground
 from slz.surface.level_extents import fine_extents, level_extents
 from slz.surface.penetration import DEPTH_M, penetration
 from slz.surface.raised_plateaus import raised_plateaus
@@ -18,6 +19,7 @@ from slz.surface.surface_probabilities import SurfaceLayers
 from slz.surface.survey_classes import SurveyClasses
 from slz.surface.vanishing_returns import FEWEST_RAYS, vanishing_returns
 
+BESIDE, SHORE = 3, 0.1  # cells around; probability that a footprint in a cell beside water reaches it
 SCORE_WATER = -4.7  # log odds of water before any evidence
 MOST_ACQUITTAL = -0.5  # log odds, of an extent over which returns vanish
 FEWEST_BRIGHT, SCORE_BRIGHT = 6.0, 1.5
@@ -72,6 +74,9 @@ def classify(
     log_odds += np.where((level > 0) | (mirror.log_odds > 0), 0, _sloping(cells, (vanishing > 0) & sure))
     there = cells.seen | on_level
     water = with_flooded_ground(np.where(there, _probability(log_odds), 0), cells, extents, mirror)
+    # A shore passes through cells of which at least three others are water.
+    beside = box_sums((water >= SEED).astype(np.float32)[np.newaxis], 1)[0] > BESIDE - 0.5
+    water = np.where(beside & cells.seen, np.maximum(water, SHORE), water)
     for_plants, for_roof = plants.log_odds, plateaus.log_odds
     tall = np.clip((plants.depth_m - DEPTH_M) / 0.5 + 0.5, 0, 1)
     if classes is not None:

@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from slz.kernels.surface.shores import flood
+from slz.kernels.surface.surface_record import ASIDE, ASIDE_LIGHT
 from slz.surface.level_extents import LevelExtents
-from slz.surface.specular_returns import SpecularReturns
+from slz.surface.specular_returns import FEWEST, SpecularReturns
 from slz.surface.surface_cells import Floats, SurfaceCells
 
 SEED = 0.2  # probability of water
 FEWEST_M2, FEWEST_SHINING_M2 = 20.0, 8.0  # of seeds of one level
 SURFACE_SHARE = 0.75  # of the heights of seeds, up to which a bottom may show
 LEAST_M, DEEPEST_M = 0.01, 0.4  # below the level, from which a bottom is told and to which it shows
+BRIGHTEST_BOTTOM = 0.22  # share of a white target; light loses half at the surface of water, even over sand
 ONE_LEVEL_M = 0.15  # between low and high seeds that shine, with waves, and a bottom that draws them down
 SHARES = 0.1, SURFACE_SHARE, 0.9
 
@@ -61,5 +63,7 @@ def _flooded(
     seeds[~np.isfinite(level)[seeds]] = 0
     n = np.maximum(np.bincount(seeds.ravel(), minlength=len(size)), 1)
     of_seeds = np.bincount(seeds.ravel(), water.ravel(), len(size)) / n
-    under = flood(seeds, cells.seen, np.ascontiguousarray(cells.mean_m), level, LEAST_M, DEEPEST_M)
+    f = cells.fields
+    dry = (f[ASIDE] >= FEWEST) & (f[ASIDE_LIGHT] > BRIGHTEST_BOTTOM)
+    under = flood(seeds, cells.seen & ~dry, np.ascontiguousarray(cells.mean_m), level, LEAST_M, DEEPEST_M)
     return np.where(under > 0, np.maximum(water, of_seeds[under]), water)

@@ -89,7 +89,7 @@ CASES = (
     Case("3 plain between mountains", SurveyFlight("mountains", (-50.0, -70.0, 50.0, 30.0)), 0.10),
     Case("4 dense buildings", SurveyFlight("dense", (-38.0, -38.0, 38.0, 38.0)), 0.10),
     Case("5 hill", SurveyFlight("hill", (-50.0, -130.0, 50.0, -30.0)), 0.10),
-    Case("plain with a lake", SurveyFlight("plain", (-10.0, -90.0, 90.0, 10.0)), 0.10),
+    Case("plain with a lake", SurveyFlight("plain", (-10.0, -90.0, 90.0, 10.0), surface=True), 0.10),
     Case(
         "1 stadium, source mode at 1 m",
         STADIUM_AT_1_M,

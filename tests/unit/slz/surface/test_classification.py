@@ -182,3 +182,12 @@ def test_bright_oblique_returns_outweigh_lost_rays() -> None:
     dim, bright = (classify(with_fields(level, lost | {DARK: n})).water[8:-8, 8:-8] for n in (0, -10))
     assert (dim > SUSPICION).all()
     assert (bright <= SUSPICION).all()
+
+
+def test_the_cells_through_which_a_shore_passes_are_refused_with_the_water() -> None:
+    meadow = made(lambda x, y: 0.03 * y + 0 * x, 40, per_m2=12)
+    wet = np.arange(40)[:, np.newaxis] + np.zeros(40) < 20
+    rays = {OBLIQUE: 30 * ~wet, LOST_OBLIQUE: 30 * wet, LOST_NEAR: 30 * wet, REPORTED: 30 * wet}
+    refused = classify(with_fields(meadow, rays)).water > SUSPICION
+    assert refused[:21, 5:-5].all()
+    assert not refused[21:].any()

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from slz.surface.flooded_ground import with_flooded_ground
+from slz.kernels.surface.surface_record import ASIDE, ASIDE_LIGHT
+from slz.surface.flooded_ground import BRIGHTEST_BOTTOM, with_flooded_ground
 from slz.surface.level_extents import level_extents
 from slz.surface.specular_returns import SpecularReturns
 from slz.surface.surface_cells import SurfaceCells
-from tests.unit.slz.surface.made_ground import Flags, Floats, from_middle, lake, made, places
+from tests.unit.slz.surface.made_ground import Flags, Floats, from_middle, lake, made, places, with_fields
 
 DISTANCE = from_middle(*places(80))
 LAKE = DISTANCE < 13
@@ -55,6 +56,14 @@ def test_ground_above_the_water_is_not_flooded() -> None:
 @pytest.mark.parametrize(("probability", "known"), [(0.1, LAKE), (0.7, LITTLE)])
 def test_improbable_or_little_water_floods_nothing(probability: float, known: Flags) -> None:
     assert flooded(basin(0.2), probability, known)[SHALLOWS].max() < 0.02
+
+
+@pytest.mark.parametrize(
+    ("light", "dry"), [(BRIGHTEST_BOTTOM + 0.05, True), (BRIGHTEST_BOTTOM - 0.05, False)]
+)
+def test_ground_brighter_than_any_bottom_is_not_under_water(light: float, dry: bool) -> None:
+    cells = with_fields(basin(0.2), {ASIDE: 5, ASIDE_LIGHT: light})
+    assert (flooded(cells)[SHALLOWS & cells.seen] < 0.02).all() == dry
 
 
 def test_flooding_never_makes_ground_drier() -> None:

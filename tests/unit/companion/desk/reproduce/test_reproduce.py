@@ -49,10 +49,13 @@ def survey(**more: object) -> SurveyFlight:
 
 
 def recording(wall: bool) -> SurveyRecording:
-    """Flat ground, flown over in one second; the wall from x = 20 on is in the truth, and seen or not."""
+    """Plane ground, flown over in one second; the wall from x = 20 on is in the truth, and seen or not.
+
+    It slopes by a degree: level ground that is seen from above alone may be water.
+    """
     rng = np.random.default_rng(1)
     points = rng.uniform(0, SIDE_M, (60_000, 3)).astype(np.float32)
-    points[:, 2] = rng.normal(0, 0.02, len(points))
+    points[:, 2] = 0.02 * points[:, 0] + rng.normal(0, 0.02, len(points))
     if wall:
         points[points[:, 0] > 20, 2] += rng.uniform(0, 4, (points[:, 0] > 20).sum()).astype(np.float32)
     n = round(SIDE_M / 0.5)
