@@ -34,7 +34,7 @@ class SpecularReturns:
 def specular_returns(cells: SurfaceCells) -> SpecularReturns:
     """Tell water from what was seen of a cell and its neighbours from above and from aside.
 
-    The neighbours make up for few returns; what shines is told cell by cell.
+    The neighbours make up for few returns; each cell must shine by itself.
     """
     f = cells.fields
     above, above_m, above_light = f[NADIR], f[NADIR_M], f[NADIR_LIGHT]
