@@ -41,10 +41,8 @@ Points = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
 NONE = np.empty(0, np.int64)
-MOST_INTENSITY, FEWEST_INTENSITIES = (
-    1000.0,
-    20,
-)  # of a white target, a mirror is more; of a window, to tell a constant
+MOST_INTENSITY = 1000.0  # in parts of a white target; beyond it is no measurement, even of a mirror
+FEWEST_INTENSITIES = 20  # of a window, among which one that never changes is none
 THIN_REACH = 1.2  # of the mapping reach, up to which isolated returns are judged
 
 
@@ -111,7 +109,7 @@ class DefaultMethod:
         if new_frame:
             self._adapter = Adapter(self._p)
         kept = self._without_outliers(window, sensor_enu_m)
-        points, alone, isolated = kept.points, kept.alone, kept.isolated
+        points, alone = kept.points, kept.alone
         clock.lap("outliers")
         near, far = self._pair.create_maps(window, lambda: points[:1]) if new_frame else self._pair.maps_now
         if new_frame:
@@ -272,7 +270,7 @@ def _signal(window: Window, source: NDArray[np.int64] | None, datum_m: Points) -
 
 
 def _believable(intensity: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return intensities (n,), NaN where out of range; all of them where they are one constant."""
+    """Return intensities (n,), NaN where out of range; and all NaN where they are one constant."""
     with np.errstate(invalid="ignore"):
         good = (intensity >= 0) & (intensity <= MOST_INTENSITY)
     some = intensity[good]

@@ -12,7 +12,7 @@ from slz.surface.flooded_ground import SEED, with_flooded_ground
 from slz.surface.level_extents import fine_extents, level_extents
 from slz.surface.penetration import DEPTH_M, penetration
 from slz.surface.raised_plateaus import raised_plateaus
-from slz.surface.specular_returns import specular_returns
+from slz.surface.specular_returns import SpecularReturns, specular_returns
 from slz.surface.surface_cells import Flags, Floats, SurfaceCells
 from slz.surface.surface_kinds import SurfaceKind
 from slz.surface.surface_probabilities import SurfaceLayers
@@ -22,7 +22,10 @@ from slz.surface.vanishing_returns import FEWEST_RAYS, vanishing_returns
 BESIDE, SHORE = 3, 0.1  # cells around; probability that a footprint in a cell beside water reaches it
 SCORE_WATER = -4.7  # log odds of water before any evidence
 MOST_ACQUITTAL = -0.5  # log odds, of an extent over which returns vanish
-FEWEST_BRIGHT, SCORE_BRIGHT = 6.0, 1.5
+FEWEST_BRIGHT, SCORE_BRIGHT = (
+    6.0,
+    1.5,
+)  # bright oblique returns more than dark ones, and what lost rays say then
 SCORE_BOTH = 2.0  # log odds more, where returns vanish and those left are darker than any dry ground
 # Water has no gradient; ground whose plane is clean has the one told. An attitude that errs tilts water by
 # 1.3 degrees (PX4), so where near rays surely vanish the ground must slope by more.
@@ -56,22 +59,16 @@ def classify(
     extents = level_extents(cells) if shape is None else fine_extents(cells)
     plateaus, plants = raised_plateaus(cells), penetration(cells)
     on_level = extents.labels > 0 if shape is None else (extents.labels > 0) | (shape != 0)
-    vanishing, dark = vanishing_returns(cells, on_level, sees_obliquely), dark_returns(cells, on_level)
-    bright = cells.fields[DARK] <= -FEWEST_BRIGHT
-    vanishing = np.where(bright, np.minimum(vanishing, SCORE_BRIGHT), vanishing)
-    both = np.where((dark > 0) & (vanishing > 0), np.float32(SCORE_BOTH), np.float32(0))
-    vanishing = np.where(dark > 0, np.maximum(vanishing, dark) + both, vanishing)
     mirror = specular_returns(cells)
-    vanishing = np.where(mirror.log_odds > 0, np.maximum(vanishing, mirror.log_odds), vanishing)
+    vanishing, sure = _vanishing(cells, on_level, mirror, sees_obliquely)
     # Around a strip of water that answered lies more of it, as even as ground: shape acquits it of little.
     level = extents.evidence()
     if shape is not None:
         level = np.where(shape != 0, np.maximum(level, shape), level)
     level = np.where(plateaus.log_odds > 0, np.minimum(level, 0), level)  # its banks are parapets
     log_odds = SCORE_WATER + np.where(vanishing > 0, np.maximum(level, MOST_ACQUITTAL), level) + vanishing
-    sure = (cells.fields[LOST_NEAR] >= FEWEST_RAYS) | (dark > 0)
     # At its shore the window of a plane holds the bank, and below a mirror it may show the bottom.
-    log_odds += np.where((level > 0) | (mirror.log_odds > 0), 0, _sloping(cells, (vanishing > 0) & sure))
+    log_odds += np.where((level > 0) | (mirror.log_odds > 0), 0, _sloping(cells, sure))
     there = cells.seen | on_level
     water = with_flooded_ground(np.where(there, _probability(log_odds), 0), cells, extents, mirror)
     # A shore passes through cells of which at least three others are water.
@@ -90,6 +87,23 @@ def classify(
     likelihood = np.concatenate([parts, bare[np.newaxis]])
     kind = np.where(likelihood.max(axis=0) > 0.5, LIKELIEST[likelihood.argmax(axis=0)], SurfaceKind.UNKNOWN)
     return SurfaceLayers(np.stack([*parts, plateaus.raised_m, kind, level]).astype(np.float32))
+
+
+def _vanishing(
+    cells: SurfaceCells, on_level: Flags, mirror: SpecularReturns, sees_obliquely: bool
+) -> tuple[Floats, Flags]:
+    """Return what lost, dark and specular returns together say for water, and where they surely say so.
+
+    The three have one cause, so the strongest counts; darkness beside lost rays counts a little more.
+    """
+    lost, dark = vanishing_returns(cells, on_level, sees_obliquely), dark_returns(cells, on_level)
+    bright = cells.fields[DARK] <= -FEWEST_BRIGHT
+    score = np.where(bright, np.minimum(lost, SCORE_BRIGHT), lost)
+    both = np.where((dark > 0) & (score > 0), np.float32(SCORE_BOTH), np.float32(0))
+    score = np.where(dark > 0, np.maximum(score, dark) + both, score)
+    score = np.where(mirror.log_odds > 0, np.maximum(score, mirror.log_odds), score)
+    near = (cells.fields[LOST_NEAR] >= FEWEST_RAYS) | (dark > 0)
+    return score, near & (score > 0)
 
 
 def _sloping(cells: SurfaceCells, watery: Flags) -> Floats:
