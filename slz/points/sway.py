@@ -1,4 +1,4 @@
-"""Sway of a window: what its scans are off from one another, by navigation errors that change within it.
+"""Sway of a window: how far its scans are off from one another, by navigation errors that change within it.
 
 The height that an autopilot estimates sways by a decimetre within a second (PX4), and its attitude by half a
 degree. A window of two seconds would hold level ground at all these heights. Each scan is registered by

@@ -1,4 +1,4 @@
-"""Two lakes with sandy shores and a belt of reed; the start is on the shore of one. Wind and murk vary."""
+"""Two lakes with sandy shores and a belt of reed, in any wind; the start is on the shore of one."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from sitl.world.water_waves import WaterState
 LAKES = ((55.0, 10.0, 38.0, 25.0), (-75.0, -60.0, 20.0, 13.0))
 """East, north and radii of the level bottoms; the shores are about 9 m farther out."""
 LEVEL_M, BOTTOM_M, SHORE_M = -1.0, -3.5, 14.0
-WIND_MS, MURK = (1.0, 12.0), (0.0, 0.03)
-"""Of the seeds; murk up to that of muddy water, see ``WaterState.turbid``."""
+WIND_MS, TURBIDITY = (1.0, 12.0), (0.0, 0.03)
+"""Ranges from which a seed draws; turbidity up to that of muddy water, see ``WaterState.turbid``."""
 
 
 def build(seed: int) -> Scene:
-    """Return the lakes; the seed sets relief, trees, wind and murk."""
+    """Return the lakes; the seed sets relief, trees, wind and turbidity."""
     terrain_rng, rng, water_rng = np.random.default_rng(seed).spawn(3)
-    wind_ms, turbid = water_rng.uniform(*WIND_MS), water_rng.uniform(*MURK)
+    wind_ms, turbid = water_rng.uniform(*WIND_MS), water_rng.uniform(*TURBIDITY)
     water = WaterState(wind_ms=float(wind_ms), fetch_m=90.0, turbid=float(turbid))
     terrain = Terrain(150.0, 0.5, terrain_rng)
     terrain.swell(0.25, 80.0)

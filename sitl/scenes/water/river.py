@@ -1,4 +1,4 @@
-"""River with waves and murky water in a strong wind, with banks, a gravel bar and a meadow."""
+"""River with waves and water clear to muddy in a strong wind, with banks, a gravel bar and a meadow."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ LEVEL_M, BED_M, BANK_M = -1.2, -2.9, 9.0
 HALF_BED_M = 9.0
 BAR = (45.0, 16.0)
 """Gravel bar: east, half length."""
-MURK = (0.0, 0.03)
-"""Of the seeds: a clear to a muddy river, see ``WaterState.turbid``."""
+TURBIDITY = (0.0, 0.03)
+"""Range from which a seed draws: a clear to a muddy river, see ``WaterState.turbid``."""
 
 
 def build(seed: int) -> Scene:
-    """Return the river; the seed sets relief, trees and murk."""
+    """Return the river; the seed sets relief, trees and turbidity."""
     terrain_rng, rng, water_rng = np.random.default_rng(seed).spawn(3)
-    turbid = float(water_rng.uniform(*MURK))
+    turbid = float(water_rng.uniform(*TURBIDITY))
     water = WaterState(wind_ms=8.0, fetch_m=600.0, towards_rad=0.2, turbid=turbid)
     terrain = Terrain(150.0, 0.5, terrain_rng)
     terrain.swell(0.3, 70.0)
@@ -46,7 +46,7 @@ def build(seed: int) -> Scene:
         seed=seed,
         world=terrain.world(solids, water=water),
         home_enu=(0.0, 2.0, 0.0),
-        description="Murky river 28 m wide with waves in a wind of 8 m/s, a gravel bar, meadows and trees",
+        description="River 28 m wide with waves in a wind of 8 m/s, a gravel bar, meadows and trees",
         regions={"river": _course(), "meadow": rectangle(-140.0, 20.0, 140.0, 120.0)},
     )
 
