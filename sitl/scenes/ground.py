@@ -94,9 +94,12 @@ class Terrain:
         self.level(where, height_m, bank_m)
         self.cover(where, Kind.WATER, 0.0)
 
-    def stand_water(self, where: Mask, level_m: float) -> None:
-        """Let water stand at a level wherever the ground of a part is lower; its bottom is the ground."""
-        self._water_z[where] = level_m
+    def stand_water(self, where: Mask, level_m: float | NDArray[np.float64]) -> None:
+        """Let water stand at a level wherever the ground of a part is lower; its bottom is the ground.
+
+        level_m: one for all, or of every post; that of a river falls.
+        """
+        self._water_z[where] = np.broadcast_to(level_m, self.z.shape)[where]
 
     def grow(self, where: Mask, plants: Plants) -> None:
         """Cover a part of the ground with plants or snow."""

@@ -32,38 +32,46 @@ def with_flooded_ground(
     Water that floods is that of level extents, and that which shines from above over a bottom seen from
     aside, at the height that it has from above.
     """
-    water = _flooded(water, cells, extents.labels, cells.mean_m, FEWEST_M2, np.inf)
+    above = cells.mean_m - np.nan_to_num(extents.level_m)
+    water = _flooded(water, cells, extents.labels, extents.level_m, above, FEWEST_M2, np.inf)
     shines = np.isfinite(mirror.surface_m)
     if not shines.any():
         return water
     labels = np.asarray(ndimage.label(shines)[0], np.int32)
-    return _flooded(water, cells, labels, mirror.surface_m, FEWEST_SHINING_M2, ONE_LEVEL_M)
+    level = np.zeros(cells.shape, np.float32)
+    return _flooded(water, cells, labels, level, mirror.surface_m, FEWEST_SHINING_M2, ONE_LEVEL_M)
 
 
 def _flooded(
     water: NDArray[np.floating],
     cells: SurfaceCells,
     labels: NDArray[np.int32],
-    height: Floats,
+    level: Floats,
+    above: Floats,
     fewest_m2: float,
     one_level_m: float,
 ) -> NDArray[np.floating]:
-    """Return the probabilities of water with what the probable water of each label floods."""
+    """Return the probabilities of water with what the probable water of each label floods.
+
+    The water of a label is at one height above its level, which may fall.
+    """
     seeds = np.where(cells.seen & (water >= SEED), labels, 0).astype(np.int32)
     size = np.bincount(seeds.ravel()) * cells.cell_m**2
     size[0] = 0
-    level = np.full(len(size), np.nan)
+    raised = np.full(len(size), np.nan, np.float32)
     for label in np.flatnonzero(size >= fewest_m2).tolist():
-        ranked = np.sort(height[seeds == label])
+        ranked = np.sort(above[seeds == label])
         low, own, high = (ranked[int(share * len(ranked))] for share in SHARES)
         if high - low <= one_level_m:
-            level[label] = own  # a bottom that shows here and there draws the mean down
-    if not np.isfinite(level).any():
+            raised[label] = own  # a bottom that shows here and there draws the mean down
+    if not np.isfinite(raised).any():
         return water
-    seeds[~np.isfinite(level)[seeds]] = 0
+    seeds[~np.isfinite(raised)[seeds]] = 0
     n = np.maximum(np.bincount(seeds.ravel(), minlength=len(size)), 1)
     of_seeds = np.bincount(seeds.ravel(), water.ravel(), len(size)) / n
     f = cells.fields
     dry = (f[ASIDE] >= FEWEST) & (f[ASIDE_LIGHT] > BRIGHTEST_BOTTOM)
-    under = flood(seeds, cells.seen & ~dry, np.ascontiguousarray(cells.mean_m), level, LEAST_M, DEEPEST_M)
+    over = np.ascontiguousarray(level + raised[seeds])
+    mean = np.ascontiguousarray(cells.mean_m)
+    under = flood(seeds, over, cells.seen & ~dry, mean, LEAST_M, DEEPEST_M)
     return np.where(under > 0, np.maximum(water, of_seeds[under]), water)

@@ -1,4 +1,4 @@
-"""Extents of one level with banks: still water is level to centimetres, and the ground rises around it.
+"""Extents of one level with banks: still water is level to centimetres; a river falls evenly.
 
 Water in airborne LiDAR by geometry alone, without a trained classifier: arXiv 2301.06567. Tarmac and pitches
 drain by 0.5 to 2 %, so their level changes within metres, and they go on without a bank.
@@ -12,41 +12,37 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from slz.kernels.surface.masks import closed, filled
-from slz.kernels.surface.shores import around_shore, grow
-from slz.surface.surface_cells import PLANE_RADIUS, Floats, SurfaceCells, around, with_margin
+from slz.kernels.surface.masks import closed
+from slz.kernels.surface.shores import grow
+from slz.surface.banks import banks
+from slz.surface.even_falls import even_falls
+from slz.surface.surface_cells import PLANE_RADIUS, Floats, SurfaceCells, averages
 
 GRADIENT, RESIDUAL_M = 0.01, 0.06  # of a plane over five cells: level as water, even with ripples
 ROUGHEST_M, SIGMAS = 0.2, 2.5  # of planes over ten cells, with waves; how far a shore cell may be off
 SMALLEST_M2 = 40.0  # extent of level planes, that is without a margin of two cells
 BAND_M = 0.06  # a cell at the shore belongs to the water if its mean is so near the level
-BANK_M = 0.10  # ground higher than the level by this is a bank
-WALL_M, WALLED_M2 = 1.0, 400.0  # what rises more around a small extent is a wall or a tree, and tells nothing
-BANK_CELLS = 4  # width of the ring in which banks are looked for
-FEWEST_RING = 12  # cells of the ring that were seen
-SECTORS = 12  # directions in which a bank is looked for
-BANKED_M2, BANKED_SIDES = (100.0, 400.0, 1500.0, 4000.0), (7, 6, 3, 1)  # the larger, the fewer need a bank
-EXACT_M, POOR_M = 0.006, 0.03  # standard deviation of the level of water, and of ground
+EXACT_M, POOR_M, POOR_FALL_M = 0.006, 0.03, 0.012  # standard deviation of water; of ground; about a fall
+FALLING_M = 0.018  # standard deviation of a level from which the extent may fall
 
 EXTENTS_M2 = 40.0, 100.0, 400.0, 10_000.0, 40_000.0  # nothing but water is level over so much
 SCORE_EXTENTS = -2.0, 0.0, 1.5, 1.5, 3.0  # log odds
+SCORE_FALLING = 1.5  # at most, of an extent that falls
+FALLS, SCORES_FALL = (0.003, 0.006), (0.0, -3.0)
 SCORE_POOR = 1.5
-SCORE_BANKS = 3.5
-SCORE_EVEN = -2.5
-SCORE_SPILL = -4.0
 
 
 @dataclass(frozen=True, slots=True)
 class LevelExtents:
-    """Extents of one level.
+    """Extents of one level, or of one even fall.
 
-    labels: (rows, cols) int32, 0 for none. Of each label: log_odds, what the extent says for water; level_m;
-    residual_m of its planes, root mean square.
+    labels: (rows, cols) int32, 0 for none. level_m: (rows, cols) of the water there, if it is water; NaN for
+    none. Of each label: log_odds, what the extent says for water; residual_m of its planes, root mean square.
     """
 
     labels: NDArray[np.int32]
+    level_m: Floats
     log_odds: NDArray[np.float64]
-    level_m: NDArray[np.float64]
     residual_m: NDArray[np.float64]
 
     def evidence(self) -> Floats:
@@ -59,99 +55,82 @@ def level_extents(cells: SurfaceCells) -> LevelExtents:
 
     Planes through cells twice as wide find rippled or sparsely hit water, and say more where they find it.
     """
-    fine, coarse = fine_extents(cells), _extents(cells.coarser(), ROUGHEST_M)
+    fine, coarse = fine_extents(cells), _extents(cells.coarser(), ROUGHEST_M, np.inf)
     if not coarse.log_odds.any():
         return fine
     rows, cols = cells.shape
     wide = coarse.labels.repeat(2, axis=0).repeat(2, axis=1)[:rows, :cols]
+    level_m = coarse.level_m.repeat(2, axis=0).repeat(2, axis=1)[:rows, :cols]
     band_m = np.maximum(BAND_M, SIGMAS * coarse.residual_m)[wide]
     with np.errstate(invalid="ignore"):
-        belongs = ~cells.seen | (np.abs(cells.mean_m - coarse.level_m[wide]) < band_m)
+        belongs = ~cells.seen | (np.abs(cells.mean_m - level_m) < band_m)
     wide = np.where(belongs, wide, 0)
     better = (wide > 0) & ((fine.labels == 0) | (coarse.log_odds[wide] > fine.log_odds[fine.labels]))
-    labels = np.where(better, wide + len(fine.log_odds) - 1, fine.labels)
     return LevelExtents(
-        labels,
+        np.where(better, wide + len(fine.log_odds) - 1, fine.labels),
+        np.where(better, level_m, fine.level_m),
         np.concatenate([fine.log_odds, coarse.log_odds[1:]]),
-        np.concatenate([fine.level_m, coarse.level_m[1:]]),
         np.concatenate([fine.residual_m, coarse.residual_m[1:]]),
     )
 
 
 def fine_extents(cells: SurfaceCells) -> LevelExtents:
     """Find the extents of one level in cells of the given size."""
-    return _extents(cells, RESIDUAL_M)
+    return _extents(cells, RESIDUAL_M, FALLING_M)
 
 
-def _extents(cells: SurfaceCells, most_residual_m: float) -> LevelExtents:
-    """Find the extents of one level in cells of one size."""
+def _extents(cells: SurfaceCells, most_residual_m: float, falling_m: float) -> LevelExtents:
+    """Find the extents of one level in cells of one size; those less exact than `falling_m` may fall."""
+    labels, n = _cores(cells, most_residual_m)
+    level_m = np.full(cells.shape, np.nan, np.float32)
+    if n == 1:
+        return LevelExtents(labels, level_m, np.zeros(1), np.zeros(1))
+    within, size = labels > 0, np.bincount(labels.ravel(), minlength=n)
+    own, height = labels[within], cells.level_m[within].astype(np.float64)
+    residual2 = cells.residual_m[within].astype(np.float64) ** 2
+    level, noise_m2 = averages(own, height, n), averages(own, residual2 / cells.n_around[within], n)
+    inexact_m = np.sqrt(np.maximum(0, averages(own, (height - level[own]) ** 2, n) - noise_m2))
+    exact = np.interp(inexact_m, [EXACT_M, POOR_M], [1.0, -1.0])
+    area = np.interp(np.log(np.maximum(size, 1) * cells.cell_m**2), np.log(EXTENTS_M2), SCORE_EXTENTS)
+    score, level_m[within] = np.zeros(n), level[own]
+    falling = inexact_m > falling_m
+    if falling.any():
+        falls = even_falls(labels, height, noise_m2, cells.cell_m)
+        falling &= falls.gradient < FALLS[-1]
+        exact = np.where(falling, np.interp(falls.inexact_m, [EXACT_M, POOR_FALL_M], [1.0, -1.0]), exact)
+        area = np.where(falling, np.minimum(area, SCORE_FALLING), area)
+        score += np.where(falling, np.interp(falls.gradient, FALLS, SCORES_FALL), 0)
+        level_m[within] = np.where(falling[own], falls.level_m, level[own])
+    score += np.minimum(area, 0) + np.maximum(area, 0) * exact - SCORE_POOR * np.maximum(-exact, 0)
+    residual_m = np.sqrt(averages(own, residual2, n))
+    labels, level_m = _with_shore(cells, labels, level_m, np.maximum(BAND_M, SIGMAS * residual_m))
+    around = banks(cells, labels, level_m, falling)
+    score += np.where(falling & (around > 0), around * np.maximum(exact, 0), around)
+    score[0] = 0
+    return LevelExtents(labels, level_m, score, residual_m)
+
+
+def _cores(cells: SurfaceCells, most_residual_m: float) -> tuple[NDArray[np.int32], int]:
+    """Return the labels of connected level planes, large enough for an extent, and how many with label 0."""
     with np.errstate(invalid="ignore"):
         core = (cells.gradient < GRADIENT) & (cells.residual_m < most_residual_m)
     labels, n = ndimage.label(core)
     wide = np.bincount(labels.ravel(), minlength=n + 1) * cells.cell_m**2 >= SMALLEST_M2
     wide[0] = False
-    n = int(np.count_nonzero(wide))
-    if n == 0:
-        return LevelExtents(np.zeros(cells.shape, np.int32), np.zeros(1), np.full(1, np.nan), np.zeros(1))
     number = np.zeros(len(wide), np.int32)
-    number[wide] = np.arange(1, n + 1)
-    labels = number[labels]
-    own = labels[labels > 0] - 1
-    size = np.bincount(own)
-    height = cells.level_m[labels > 0].astype(np.float64)
-    level = np.bincount(own, height) / size
-    variance = np.bincount(own, (height - level[own]) ** 2) / size
-    residual2 = cells.residual_m[labels > 0].astype(np.float64) ** 2
-    of_noise = np.bincount(own, residual2 / cells.n_around[labels > 0]) / size
-    inexact_m = np.sqrt(np.maximum(0, variance - of_noise))
-    level = _after_none(np.nan, level)
-    residual_m = _after_none(0.0, np.sqrt(np.bincount(own, residual2) / size))
-    grown = _with_shore(cells, labels, level, np.maximum(BAND_M, SIGMAS * residual_m))
-    exact = np.interp(inexact_m, [EXACT_M, POOR_M], [1.0, -1.0])
-    area = np.interp(np.log(size * cells.cell_m**2), np.log(EXTENTS_M2), SCORE_EXTENTS)
-    own_score = np.minimum(area, 0) + np.maximum(area, 0) * exact - SCORE_POOR * np.maximum(-exact, 0)
-    score = _after_none(0.0, own_score)
-    score[1:] += _banks(cells, grown, level)[1:]
-    return LevelExtents(grown, score, level, residual_m)
-
-
-def _after_none(none: float, values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the values of all labels: that of label 0, which is no extent, and those of the others."""
-    return np.concatenate([[none], values])
+    number[wide] = np.arange(1, np.count_nonzero(wide) + 1)
+    return number[labels], int(np.count_nonzero(wide)) + 1
 
 
 def _with_shore(
-    cells: SurfaceCells, labels: NDArray[np.int32], level: NDArray[np.float64], band_m: NDArray[np.float64]
-) -> NDArray[np.int32]:
-    """Return labels grown over the margin that the planes leave, up to cells that rise from the level."""
-    grown, seen, mean = labels, cells.seen, np.ascontiguousarray(cells.mean_m)
+    cells: SurfaceCells, labels: NDArray[np.int32], level_m: Floats, band_m: NDArray[np.float64]
+) -> tuple[NDArray[np.int32], Floats]:
+    """Return extents grown over the margin that the planes leave, up to cells that rise from their level."""
+    seen, mean = cells.seen, np.ascontiguousarray(cells.mean_m)
     for _ in range(PLANE_RADIUS + 1):
-        grown = grow(grown, seen, mean, level, band_m)
-    if seen.all():
-        return grown
-    inside = closed((grown > 0) & seen)
-    return np.where(seen | inside, grown, 0)  # gaps within belong to it, those beyond its shore do not
-
-
-def _banks(cells: SurfaceCells, grown: NDArray[np.int32], level: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the log odds for water from what lies around each extent: banks, even ground, or a drop.
-
-    Banks on one side of a small extent are a wall beside a yard; a lake may be cut by the edge of a survey.
-    """
-    n = len(level)
-    count, sides = np.zeros((n, 3), np.int64), np.zeros(n, np.int64)
-    size = np.maximum(np.bincount(grown.ravel(), minlength=n), 1)
-    mean = np.ascontiguousarray(cells.mean_m)
-    for label, own in with_margin(grown, n, BANK_CELLS):
-        whole = filled(grown[own] == label)  # what stands within is no bank of it
-        ring = np.ascontiguousarray(around(whole, BANK_CELLS) & ~whole & cells.seen[own])
-        most_m = WALL_M if size[label] * cells.cell_m**2 < WALLED_M2 else np.inf
-        heights, middle = np.ascontiguousarray(mean[own]), np.argwhere(whole).mean(axis=0)
-        place = level[label], middle[0], middle[1]
-        sides[label] = around_shore(ring, heights, *place, BANK_M, most_m, SECTORS, count[label])
-    total = count.sum(axis=1)
-    up, down, even = (count / np.maximum(total, 1)[:, None]).T
-    score = SCORE_EVEN * np.clip((even - 0.3) / 0.4, 0, 1) + SCORE_SPILL * np.clip((down - 0.03) / 0.15, 0, 1)
-    fewest = np.interp(size * cells.cell_m**2, BANKED_M2, BANKED_SIDES)
-    score += SCORE_BANKS * np.clip((up - 0.35) / 0.35, 0, 1) * np.clip((sides - fewest) / 2, 0, 1)
-    return np.asarray(np.where(total >= FEWEST_RING, score, 0.0))
+        labels, level_m = grow(labels, level_m, seen, mean, band_m)
+    if not seen.all():
+        labels = np.where(
+            seen | closed((labels > 0) & seen), labels, 0
+        )  # gaps within belong to it, no others
+    return labels, np.where(labels > 0, level_m, np.float32(np.nan))

@@ -105,6 +105,11 @@ def around(flags: Flags, radius: int) -> Flags:
     return greatest_around(flags.astype(np.int32), radius) > 0
 
 
+def averages(own: NDArray[np.int32], values: NDArray[np.floating], n: int) -> NDArray[np.float64]:
+    """Return the average of the values of each of n labels, 0 where none is."""
+    return np.asarray(np.bincount(own, values, n) / np.maximum(np.bincount(own, minlength=n), 1))
+
+
 def with_margin(labels: NDArray[np.int32], n: int, margin: int) -> Iterator[tuple[int, tuple[slice, slice]]]:
     """Yield each label from 1 to n - 1 that is there, and the slices of its cells with a margin."""
     for label, found in enumerate(ndimage.find_objects(labels, n - 1), start=1):

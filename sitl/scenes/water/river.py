@@ -18,12 +18,14 @@ BAR = (45.0, 16.0)
 """Gravel bar: east, half length."""
 TURBIDITY = (0.0, 0.03)
 """Range from which a seed draws: a clear to a muddy river, see ``WaterState.turbid``."""
+FALL = (0.0, 0.003)
+"""Range from which a seed draws: rivers of the plains, and of the hills before them."""
 
 
 def build(seed: int) -> Scene:
-    """Return the river; the seed sets relief, trees and turbidity."""
+    """Return the river; the seed sets relief, trees, turbidity and fall."""
     terrain_rng, rng, water_rng = np.random.default_rng(seed).spawn(3)
-    turbid = float(water_rng.uniform(*TURBIDITY))
+    turbid, fall = (float(water_rng.uniform(*drawn)) for drawn in (TURBIDITY, FALL))
     water = WaterState(wind_ms=8.0, fetch_m=600.0, towards_rad=0.2, turbid=turbid)
     terrain = Terrain(150.0, 0.5, terrain_rng)
     terrain.swell(0.3, 70.0)
@@ -35,7 +37,9 @@ def build(seed: int) -> Scene:
     along = np.clip(1.0 - ((terrain.x - BAR[0]) / BAR[1]) ** 2, 0.0, 1.0)
     across = np.clip(1.0 - ((terrain.y - _middle(terrain.x) - 7.0) / 6.0) ** 2, 0.0, 1.0)
     terrain.z += (LEVEL_M - BED_M + 0.3) * along * across * (off < HALF_BED_M + 4.0)
-    terrain.stand_water(off < HALF_BED_M + BANK_M, LEVEL_M)
+    falling = -fall * terrain.x
+    terrain.z += falling
+    terrain.stand_water(off < HALF_BED_M + BANK_M, LEVEL_M + falling)
     solids: list[Solid] = []
     for k in range(50):
         x, y = rng.uniform(-145.0, 145.0), rng.uniform(-145.0, 145.0)

@@ -45,6 +45,24 @@ def test_the_bottom_beside_standing_water_is_as_probably_water(depth_m: float) -
     assert out[DISTANCE > 19].max() < 0.02
 
 
+def test_what_a_river_floods_falls_with_it() -> None:
+    """Shallows beside a river lie lower than its water there, land far downstream is lower but dry."""
+    x, y = places(120)
+    away = np.abs(x - 40)
+
+    def height(x: Floats, y: Floats) -> Floats:
+        shallow = (x > 46) & (x < 50)
+        return np.asarray(
+            -0.004 * y + np.where(shallow, -0.15, np.clip((np.abs(x - 40) - 8) / 2, 0, 1) * 0.2)
+        )
+
+    cells = made(height, 120)
+    out = flooded(cells, 0.7, (away < 5) & (y > 5) & (y < 115))
+    shallows = (x > 47) & (x < 49) & (y > 5) & (y < 115)
+    assert out[shallows & cells.seen].min() > 0.69
+    assert out[away > 14].max() < 0.02
+
+
 def test_ground_deeper_than_light_reaches_is_a_drop() -> None:
     assert flooded(basin(0.6))[SHALLOWS].max() < 0.02
 
