@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from slz.kernels.surface.shores import DOWN, EVEN, UP, around_shore, flood, grow
 
 LEVEL, LEAST, DEEPEST = np.array([np.nan, 0.0, 1.0]), 0.01, 0.4
+
+
+def level_of(labels: NDArray[np.int32]) -> NDArray[np.float32]:
+    return LEVEL[labels].astype(np.float32)
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -18,7 +23,7 @@ def test_water_floods_connected_lower_ground_and_never_climbs(seed: int) -> None
     seen = rng.random(mean.shape) < 0.95
     seeds = np.zeros(mean.shape, np.int32)
     seeds[15, 20] = seeds[5, 5] = 1
-    out = flood(seeds, seen, mean, LEVEL, LEAST, DEEPEST)
+    out = flood(seeds, level_of(seeds), seen, mean, LEAST, DEEPEST)
     may = seen & (mean < -LEAST) & (mean > -DEEPEST)
     parts, _ = ndimage.label(may | (seeds > 0))
     expected = np.isin(parts, parts[seeds > 0])
@@ -29,7 +34,7 @@ def test_water_floods_connected_lower_ground_and_never_climbs(seed: int) -> None
 def test_each_water_floods_by_its_own_level() -> None:
     mean = np.array([[0.0, -0.1, -0.2, 5, 0.7, 1.0]], np.float32)
     seeds = np.array([[1, 0, 0, 0, 0, 2]], np.int32)
-    out = flood(seeds, np.ones((1, 6), np.bool_), mean, LEVEL, LEAST, DEEPEST)
+    out = flood(seeds, level_of(seeds), np.ones((1, 6), np.bool_), mean, LEAST, DEEPEST)
     assert out.tolist() == [[1, 1, 1, 0, 2, 2]]
     assert seeds.tolist() == [[1, 0, 0, 0, 0, 2]]
 
@@ -40,19 +45,53 @@ def test_an_extent_grows_by_one_cell_to_unseen_ones_and_those_of_its_level() -> 
     mean, seen = np.full((5, 5), 9.0, np.float32), np.ones((5, 5), np.bool_)
     mean[1, 1], mean[2, 3], seen[3, 2] = 0.05, -0.2, False
     mean[1, 2] = np.nan
-    out = grow(labels, seen, mean, LEVEL[:2], np.array([0, 0.06]))
+    out, level = grow(labels, level_of(labels), seen, mean, np.array([0, 0.06]))
     assert np.argwhere(out).tolist() == [[1, 1], [2, 2], [3, 2]]
+    assert level[out > 0].tolist() == [0, 0, 0]
+    assert np.isnan(level[out == 0]).all()
 
 
-def test_shores_are_counted_by_kind_and_by_the_directions_that_rise() -> None:
+def test_what_grows_takes_the_level_of_the_cells_beside_it() -> None:
+    labels = np.zeros((3, 6), np.int32)
+    labels[1, 1:5] = 1
+    level = np.where(labels > 0, np.float32(0.1) * np.arange(6), np.nan).astype(np.float32)
+    mean, seen = np.full((3, 6), 0.1, np.float32), np.ones((3, 6), np.bool_)
+    out, grown = grow(labels, level, seen, mean, np.array([0, 0.12]))
+    assert out[0].tolist() == [1, 1, 1, 0, 0, 0]  # the water beside the fourth is 0.2 m higher
+    np.testing.assert_allclose(grown[0, :3], [0.1, 0.15, 0.2], atol=1e-6)
+
+
+def test_water_floods_by_the_nearest_level() -> None:
+    """A river falls to the right; land is dry that lies between its levels upstream and beside it."""
+    level = np.tile(np.linspace(1, 0, 11, dtype=np.float32), (3, 1))
+    seeds = np.zeros((3, 11), np.int32)
+    seeds[0] = 1
+    mean = np.where(seeds > 0, level, level + np.array([[0], [-0.05], [0.05]])).astype(np.float32)
+    out = flood(seeds, level, np.ones(seeds.shape, np.bool_), mean, LEAST, DEEPEST)
+    assert out.tolist() == [[1] * 11, [1] * 11, [0] * 11]
+
+
+@pytest.mark.parametrize("fall", [0.0, 0.1])
+def test_shores_are_counted_by_kind_and_by_the_directions_that_rise(fall: float) -> None:
     row, col = np.indices((41, 41)) - 20.0
-    ring = ((np.hypot(row, col) > 10) & (np.hypot(row, col) < 14)).astype(np.int32)
+    whole = np.hypot(row, col) <= 10
     mean = np.where(row > 0, 1.0, np.where(col > 0, -1.0, 0.0)).astype(np.float32)
-    seen = np.ones(ring.shape, np.bool_)
+    level = np.where(whole, fall * row, np.nan).astype(np.float32)
+    beside = np.where(np.isnan(level), 0, level)
+    seen = np.ones(whole.shape, np.bool_)
     seen[:, 28:] = False
-    there, count = (ring > 0) & seen, np.zeros(3, np.int64)
-    sides = around_shore(there, mean, LEVEL[1], 20.0, 20.0, 0.1, np.inf, 12, count)
-    expected = {UP: mean > 0.5, DOWN: mean < -0.5, EVEN: mean == 0}
-    for kind, cells in expected.items():
-        assert count[kind] == np.count_nonzero(cells & there)
-    assert sides == 5  # of the six to the north, that to the east was not seen
+    reach, count = 3, np.zeros(3, np.int64)
+    wide = np.pad(whole, reach)
+    at = [(i, j) for i in range(2 * reach + 1) for j in range(2 * reach + 1)]
+    around = np.any([wide[i : i + 41, j : j + 41] for i, j in at], axis=0)
+    ring = around & ~whole & seen
+    _, nearest = ndimage.distance_transform_edt(~whole, return_indices=True)
+    above = mean - beside[tuple(nearest)]
+    sides = around_shore(whole, seen, mean, level, reach, 0.1, np.inf, 12, count)
+    apart = np.abs(np.abs(above) - 0.1) > 0.02  # of equally near cells any may be taken
+    if fall == 0:
+        for kind, cells in {UP: above > 0.1, DOWN: above < -0.1, EVEN: np.abs(above) <= 0.1}.items():
+            assert count[kind] == np.count_nonzero(cells & ring)
+        assert sides == 5  # of the six to the north, that to the east was not seen
+    assert count.sum() == np.count_nonzero(ring)
+    assert abs(count[UP] - np.count_nonzero((above > 0.1) & ring)) <= np.count_nonzero(ring & ~apart)
