@@ -272,6 +272,26 @@ class Parameters(BaseModel):
         _in(1, 1000),
         Spec("SLZ_SURR_M", "m", OURS, "How far around a landing point obstacles are listed."),
     ] = 30.0
+    approach_slope_deg: Annotated[
+        float,
+        _in(3, 89),
+        Spec("SLZ_APPR_SLOPE", "deg", OURS, "Least slope of a way in or out of a landing point."),
+    ] = 30.0
+    corridor_m: Annotated[
+        float,
+        _in(1, 1000),
+        Spec("SLZ_CORR_M", "m", OURS, "How far from a landing point its ways in and out are judged."),
+    ] = 60.0
+    corridor_margin_m: Annotated[
+        float,
+        _in(0, 50),
+        Spec("SLZ_CORR_MARG", "m", OURS, "Room beside the vehicle in a way in or out."),
+    ] = 1.0
+    vehicle_height_m: Annotated[
+        float,
+        _in(0.1, 30),
+        Spec("SLZ_VEH_H_M", "m", OURS, "Height of a way in or out: the vehicle and room above and below it."),
+    ] = 2.0
     max_zones: Annotated[
         int, _in(1, 10000), Spec("SLZ_MAX_ZONES", "", OURS, "Zones reported at most, best first.")
     ] = 64

@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.adaptive import COARSEST, Adapter, Choice
+from slz.air.seen_air import SeenAir
 from slz.concurrency import run_concurrently
 from slz.frame import is_known
 from slz.grid import Edges
 from slz.kernels.points.range_gate import are_usable, beyond, heights_of, picked, usable
+from slz.landing_point.corridors import Corridors, corridors
 from slz.landing_point.judgement import SelectedPoint, unknown
 from slz.map_pair import MapPair
 from slz.method import MethodResult
@@ -94,6 +96,7 @@ class DefaultMethod:
         )
         self._adapter = Adapter(parameters)
         self._surface = SurfaceMap(0.0, 0.0, parameters)
+        self.air = SeenAir(parameters)
         self.prior = None if prior is None else Prior(prior, parameters)
 
     @property
@@ -115,12 +118,14 @@ class DefaultMethod:
         if new_frame:
             self._surface = SurfaceMap(near.tiles.west_m, near.tiles.south_m, self._p)
             near.terrain.surface = far.terrain.surface = self._surface
+            self.air = SeenAir(self._p)
         near_ones = within(points, sensor_enu_m, reach_m(self._p))
         trusted = near_ones & ~alone
         used = trusted.copy()
         with run_concurrently(self._other, self._chosen, window, _picked(points, near_ones), far) as chosen:
             points, isolated = self._registered(kept, near_ones, sensor_enu_m, near, window)
             self._contradictions(points, used, alone, sensor_enu_m, near)
+            self._follow_rays(points, window, kept, near)
         choice = chosen.result()
         clock.lap("registration")
         pinned = None if selected is None else selected.enu_m
@@ -139,6 +144,8 @@ class DefaultMethod:
         near.identify(sensor_enu_m)
         far.identify(sensor_enu_m)
         clock.lap("zones")
+        near.judge_ways(lambda enu_m: corridors(enu_m, near.terrain, far.terrain, self.air, self._p))
+        clock.lap("corridors")
         if self.prior is not None:
             live, tiles = (near.terrain, far.terrain), near.tiles
             self.prior.update(points, sensor_enu_m, window.frame, tiles.latest_s, live, tiles.datum_m)
@@ -148,6 +155,13 @@ class DefaultMethod:
     def without_map(self, enu_m: Points, before: SelectedPoint | None) -> SelectedPoint:
         """Return an unknown point: evidence that neither map has is too old, or was given up."""
         return unknown(enu_m, math.nan if before is None else before.height_m)
+
+    def corridors(self, enu_m: Points) -> Corridors | None:
+        """Return the ways in and out of a point (3,)."""
+        if self.maps is None:
+            return None
+        near, far = self.maps
+        return corridors(enu_m, near.terrain, far.terrain, self.air, self._p)
 
     def far_is_active(self, choice: Choice) -> bool:
         """Return False: zones of the far map are places to look closer at."""
@@ -212,6 +226,13 @@ class DefaultMethod:
         grid = near.terrain.grid
         edges = grid.west_m, grid.south_m, grid.east_m, grid.north_m
         return self._surface.update(points, trusted, sensor - datum_m, now_s, signal, edges)
+
+    def _follow_rays(self, points: Points, window: Window, kept: KeptPoints, near: ZoneMap) -> None:
+        """Add to the seen air what the rays of the points passed, if the sensor's place is known."""
+        origin, origins = window.origin, window.origins_enu_m
+        if origin is None or origins is None or kept.source is None:
+            return
+        self.air.add(points, origin[kept.source], origins, near.tiles.datum_m)
 
     def _chosen(self, window: Window, points_enu_m: Points, far: ZoneMap) -> Choice:
         """Choose the next window and the far map's level, and set that level."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.adaptive import Choice
+from slz.landing_point.corridors import Corridors
 from slz.landing_point.judgement import SelectedPoint
 from slz.report import MapReport
 from slz.stage_clock import StageClock
@@ -60,6 +61,9 @@ class Method(Protocol):
 
     def without_map(self, enu_m: Points, before: SelectedPoint | None) -> SelectedPoint:
         """Return the state of a selected point that neither map has."""
+
+    def corridors(self, enu_m: Points) -> Corridors | None:
+        """Return the ways in and out of a point (3,), None where this method judges none."""
 
     def far_is_active(self, choice: Choice) -> bool:
         """Tell whether the far map's zones are the report's `zones`."""

@@ -244,7 +244,9 @@ class Pipeline:
             return self.method.without_map(enu_m, before)
         found = near if point.judged_by == "near" else far
         row, col = found.terrain.grid.index(float(enu_m[0]), float(enu_m[1]))
-        return replace(point, zone_id=next((zone.id for zone in found.zones if zone.holds(row, col)), None))
+        zone_id = next((zone.id for zone in found.zones if zone.holds(row, col)), None)
+        ways = self.method.corridors(np.array([*enu_m[:2], point.height_m]))
+        return replace(point, zone_id=zone_id, corridors=ways)
 
 
 def _method(

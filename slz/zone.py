@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Box
+from slz.landing_point.corridors import Corridors
 from slz.landing_point.obstacles import Obstacle
 from slz.lazy_fields import Lazy
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
@@ -22,6 +23,7 @@ class LandingPoint:
     side of the largest safe square of the zone. certainty: probability that the whole footprint is safe; in
     source mode 1 or 0. horizon_deg: elevation angle of the highest obstacle on the way from the vehicle, NaN
     where nothing was seen. distance_m: horizontal, from the vehicle. surface: what the ground there is.
+    corridors: ways in and out, None where they were not judged.
     """
 
     enu_m: NDArray[np.float64]
@@ -32,6 +34,7 @@ class LandingPoint:
     horizon_deg: float = math.nan
     distance_m: float = math.nan
     surface: SurfaceHere = UNKNOWN_SURFACE
+    corridors: Corridors | None = None
 
 
 @dataclass(frozen=True)
@@ -66,8 +69,15 @@ class Zone:
 
     def with_reason(self, why: str) -> Zone:
         """Return a copy with the reason for its rank; lazy fields stay unread."""
+        return self._with(why=why)
+
+    def with_corridors(self, corridors: Corridors) -> Zone:
+        """Return a copy with the ways in and out of its best point; lazy fields stay unread."""
+        return self._with(best=replace(self.best, corridors=corridors))
+
+    def _with(self, **changed: object) -> Zone:
         zone = object.__new__(Zone)
-        vars(zone).update(vars(self), why=why)
+        vars(zone).update(vars(self), **changed)
         return zone
 
     def holds(self, row: int, col: int) -> bool:

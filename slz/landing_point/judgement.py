@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
+from slz.landing_point.corridors import Corridors
 from slz.landing_point.surroundings import Surroundings, cell_of, ground_m, surroundings
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 from slz.terrain.footing import ANY_FOOTING, Footing
@@ -44,7 +45,8 @@ class SelectedPoint:
     point. slope_deg, relief_m: of the footprint at the point, NaN where unknown. certainty: the least of the
     cells within the touchdown error, in source mode that of the point's cell. surroundings: None where
     nothing is known. footing: headings at which the gear stands there, and how likely a
-    hazard went unseen. surface: what the ground there is.
+    hazard went unseen. surface: what the ground there is. corridors: ways in and out, None where they were
+    not judged.
     """
 
     enu_m: NDArray[np.float64]
@@ -58,6 +60,7 @@ class SelectedPoint:
     surroundings: Surroundings | None
     footing: Footing = ANY_FOOTING
     surface: SurfaceHere = UNKNOWN_SURFACE
+    corridors: Corridors | None = None
 
 
 def judge_point(

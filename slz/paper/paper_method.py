@@ -88,6 +88,9 @@ class PaperMethod:
         """Return the last state of a point that both windows left behind (SLZ thesis, section 4.3.2.2)."""
         return unknown(enu_m) if before is None else replace(before, judged_by="none", zone_id=None)
 
+    def corridors(self, enu_m: Points) -> None:
+        """Return None: the sources leave the way in to the pilot."""
+
     def far_is_active(self, choice: Choice) -> bool:
         """Tell whether the far map was chosen (SLZ thesis, section 4.3.1)."""
         return choice.far

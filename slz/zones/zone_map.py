@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
 from slz.grid import Edges, Grid
+from slz.landing_point.corridors import Corridors
 from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.tiles import Tiles
 from slz.zone import Zone
@@ -19,6 +20,7 @@ from slz.zones.ranking import rank
 from slz.zones.tracking import ZoneTracker
 
 Points = NDArray[np.float64]
+MOST_JUDGED = 10  # zones whose ways in and out are judged
 
 
 class ZoneMap:
@@ -135,3 +137,8 @@ class ZoneMap:
 
         self.zones = rank(self._tracker.update(self.candidates, described), p)
         self._contents = contents
+
+    def judge_ways(self, ways: Callable[[Points], Corridors]) -> None:
+        """Judge the ways in and out of the best zones, and rank the zones anew."""
+        best = [zone.with_corridors(ways(zone.best.enu_m)) for zone in self.zones[:MOST_JUDGED]]
+        self.zones = rank([*best, *self.zones[MOST_JUDGED:]], self._parameters)

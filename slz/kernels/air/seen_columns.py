@@ -1,0 +1,148 @@
+"""Columns of air: voxels that rays passed, around the vehicle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slz.kernels.air.swept_disc import bearings_within, passes
+from slz.kernels.argument_types import Array2D, Array3D, ReadOnly1D, ReadOnly2D
+from slz.kernels.jit import kernel
+
+SIDE = 256  # columns of a row, a power of two: the column of a place is its index modulo SIDE
+LEVELS = 64  # voxels of a column
+BELOW = 16  # of them, below the return whose ray was the first to pass the column
+ROW, COL, BASE = range(3)  # of a column: its indices, and the level of its lowest voxel
+NOWHERE = np.int32(-(2**31))
+MOST_COUNT = 255
+STEP = 0.5  # voxels
+SHORT_M = 0.05  # a ray is followed up to this far before its return
+
+
+@kernel
+def follow_rays(
+    points: Array2D[np.float64],
+    origin: ReadOnly1D[np.uint16],
+    origins: ReadOnly2D[np.float64],
+    first: int,
+    stride: int,
+    voxel: float,
+    passed: Array3D[np.uint8],
+    column: Array3D[np.int32],
+) -> None:
+    """Count in each voxel the rays that passed it, each of every `stride`-th return for all of them.
+
+    Parameters
+    ----------
+    points, origin, origins
+        (n, 3) returns, (n,) the scan of each, and (k, 3) the sensor's position in each scan.
+    voxel
+        Edge of a voxel (m).
+    passed, column
+        (SIDE, SIDE, LEVELS) counts up to 255, and (SIDE, SIDE, 3) which column they are of; a column that
+        is farther than others of the same place is forgotten.
+    """
+    weight, mask = min(stride, MOST_COUNT), SIDE - 1
+    for i in range(first, len(points), stride):
+        o = origins[origin[i]]
+        x, y, z = points[i, 0] - o[0], points[i, 1] - o[1], points[i, 2] - o[2]
+        length = np.sqrt(x * x + y * y + z * z)
+        if not length > SHORT_M:  # NaN too
+            continue
+        steps = int(min(length, SIDE * voxel) / (STEP * voxel)) + 1
+        ground = int(np.floor(points[i, 2] / voxel))
+        own_row, own_col = int(np.floor(o[1] / voxel)), int(np.floor(o[0] / voxel))
+        before_r = before_c = before_l = int(NOWHERE)
+        for k in range(steps + 1):
+            share = min(k * STEP * voxel, length - SHORT_M) / length
+            r = int(np.floor((o[1] + y * share) / voxel))
+            c = int(np.floor((o[0] + x * share) / voxel))
+            level = int(np.floor((o[2] + z * share) / voxel))
+            if r == before_r and c == before_c and level == before_l:
+                continue
+            before_r, before_c, before_l = r, c, level
+            if abs(r - own_row) >= SIDE // 2 or abs(c - own_col) >= SIDE // 2:
+                break
+            a, b = r & mask, c & mask
+            if column[a, b, ROW] != r or column[a, b, COL] != c:
+                column[a, b, ROW], column[a, b, COL], column[a, b, BASE] = r, c, ground - BELOW
+                passed[a, b, :] = 0
+            up = level - column[a, b, BASE]
+            if 0 <= up < LEVELS:
+                passed[a, b, up] = min(MOST_COUNT, int(passed[a, b, up]) + weight)
+
+
+@kernel
+def unseen_slopes(
+    passed: Array3D[np.uint8],
+    column: Array3D[np.int32],
+    voxel: float,
+    east: float,
+    north: float,
+    floor: float,
+    ceiling: float,
+    tangents: ReadOnly1D[np.float64],
+    radius: float,
+    spread: float,
+    height: float,
+    reach: float,
+    fewest: int,
+    unseen: Array2D[np.bool_],
+) -> None:
+    """Mark the bearings and slopes of corridors to a point in which a voxel was passed by too few rays.
+
+    Parameters
+    ----------
+    tangents, radius, spread, height
+        See `slz.kernels.air.swept_disc`; an infinite tangent is straight up.
+    floor, ceiling, reach
+        Height at which corridors begin and end, and how far they lead.
+    unseen
+        (bearings, slopes), marked True.
+    """
+    bearings, half, mask = unseen.shape[0], voxel * np.sqrt(0.5), SIDE - 1
+    width = 2 * np.pi / bearings
+    cells = int(min(np.ceil(reach / voxel), SIDE // 2 - 1))
+    row, col = int(np.floor(north / voxel)), int(np.floor(east / voxel))
+    top = int(np.floor(ceiling / voxel))
+    for r in range(row - cells, row + cells + 1):
+        for c in range(col - cells, col + cells + 1):
+            x, y = (c + 0.5) * voxel - east, (r + 0.5) * voxel - north
+            away = np.sqrt(x * x + y * y)
+            if away - half > reach:
+                continue
+            a, b = r & mask, c & mask
+            known = column[a, b, ROW] == r and column[a, b, COL] == c
+            base = int(column[a, b, BASE])
+            lowest = int(np.floor(floor / voxel)) - base
+            highest = lowest - 1  # of the levels seen without a gap
+            if known and lowest >= 0:
+                while highest < top - base and highest + 1 < LEVELS and passed[a, b, highest + 1] >= fewest:
+                    highest += 1
+            if highest >= top - base:
+                continue
+            steps, bearing = bearings_within(away, radius + half, spread, width), np.arctan2(x, y)
+            towards = int(np.floor(bearing / width + 0.5))
+            for k in range(towards - steps, towards + steps + 1):
+                turn = k * width - bearing
+                near, far = passes(away * np.cos(turn), away * np.sin(turn), radius + half, spread)
+                if not near <= far:
+                    continue
+                for s in range(len(tangents)):
+                    if unseen[k % bearings, s]:
+                        continue
+                    if tangents[s] == np.inf:
+                        if near > 0:
+                            continue
+                        low, high = floor, ceiling
+                    else:
+                        low = floor + near * tangents[s]
+                        if low >= ceiling:
+                            continue
+                        high = min(ceiling, floor + far * tangents[s] + height)
+                    first, last = int(np.floor(low / voxel)) - base, int(np.floor(high / voxel)) - base
+                    seen = known and first >= 0 and last < LEVELS
+                    if seen and not (lowest <= first and last <= highest):
+                        for level in range(first, last + 1):
+                            seen &= passed[a, b, level] >= fewest
+                    if not seen:
+                        unseen[k % bearings, s] = True

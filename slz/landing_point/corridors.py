@@ -1,0 +1,101 @@
+"""Corridors: the ways in and out of a landing point, by bearing and slope.
+
+An approach or departure surface rises from the edge of the landing area and is free of obstacles, by 8:1 for
+helicopters: ICAO Annex 14, Volume II, chapter 4; FAA AC 150/5390-2D, chapter 2. Air that no ray passed is not
+clear.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from params import Parameters
+from slz.air.seen_air import SeenAir
+from slz.frame import is_known
+from slz.kernels.air.corridor_obstacles import clear_over
+from slz.landing_point.surroundings import cell_of
+from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
+from slz.terrain.terrain_view import TerrainView
+
+BEARINGS = 72
+STEP_DEG = 360 / BEARINGS
+SLOPES_DEG = 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0  # judged beside the least that the vehicle flies
+SPREAD = 0.1  # a corridor widens to each side by 10 % of the distance (ICAO Annex 14 II, table 4-1, by day)
+NEAR_M = 30.0  # tops up to here are those of the near map
+CEILING = 0.6  # of the survey height: the air below a vehicle is seen up to here; above, it looks ahead
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Corridors:
+    """Corridors between a point and the height at which the vehicle flies to it.
+
+    enu_m: (3,) the point. slopes_deg: from the least that the vehicle flies to straight up. states:
+    (72, slopes) uint8, by bearing from the point (5 degrees, clockwise from north) and slope: 0 blocked, 1
+    clear, 255 unknown. least_deg: (72,) slope at which the corridor
+    passes over all that is known, 90 where nothing does. obstacles_enu_m: (72, 3) the top that asks for that
+    slope, NaN where nothing is higher than the point.
+    """
+
+    enu_m: NDArray[np.float64]
+    slopes_deg: tuple[float, ...]
+    states: NDArray[np.uint8]
+    least_deg: NDArray[np.float64]
+    obstacles_enu_m: NDArray[np.float64]
+
+    @property
+    def overhead(self) -> int:
+        """State of the air straight above the point."""
+        return int(self.states[:, -1].min())
+
+    @property
+    def clear_deg(self) -> NDArray[np.float64]:
+        """Return (72,) the least slope at which each bearing is clear, NaN where none is."""
+        clear = self.states == SAFE
+        return np.where(clear.any(axis=1), np.array(self.slopes_deg)[clear.argmax(axis=1)], np.nan)
+
+
+def corridors(
+    enu_m: NDArray[np.float64],
+    near: TerrainView,
+    far: TerrainView,
+    air: SeenAir,
+    parameters: Parameters,
+) -> Corridors:
+    """Return the corridors of a point (3,); all unknown where its height is.
+
+    Parameters
+    ----------
+    near, far
+        Maps of the ground and what stands on it; those of the far map count beyond `NEAR_M`.
+    air
+        Air that rays passed.
+    """
+    p = parameters
+    slopes_deg = (p.approach_slope_deg, *(slope for slope in SLOPES_DEG if slope > p.approach_slope_deg))
+    slopes = np.array([*np.tan(np.radians(slopes_deg[:-1])), np.inf])
+    states = np.full((BEARINGS, len(slopes)), UNKNOWN, np.uint8)
+    tangents, obstacles = np.zeros(BEARINGS), np.full((BEARINGS, 3), np.nan)
+    if not is_known(enu_m):
+        return Corridors(enu_m, slopes_deg, states, np.full(BEARINGS, np.nan), obstacles)
+    radius_m = p.footprint_m / 2 + p.touchdown_error_m + p.corridor_margin_m
+    floor_m, high_m = float(enu_m[2]) + p.relief_m, p.survey_height_m * CEILING
+    reach_m = min(p.corridor_m, (high_m / slopes[0] + radius_m) * (1 + SPREAD))
+    for terrain, to_m in ((near, min(NEAR_M, reach_m)), (far, reach_m)):
+        grid = terrain.grid
+        box = terrain.around(cell_of(enu_m, terrain), math.ceil(to_m / grid.cell_m))
+        _, top = terrain.ground_and_top(box)
+        safe = terrain.state(box) == SAFE
+        corner = grid.south_m + box.row0 * grid.cell_m, grid.west_m + box.col0 * grid.cell_m
+        place = *corner, grid.cell_m, float(enu_m[0]), float(enu_m[1]), floor_m
+        clear_over(top, safe, *place, radius_m, SPREAD, to_m, float(slopes[0]), tangents, obstacles)
+    floor = np.array([enu_m[0], enu_m[1], floor_m])
+    shape = radius_m, SPREAD, p.vehicle_height_m, reach_m
+    unseen = air.unseen(floor, float(enu_m[2]) + high_m, slopes, shape, BEARINGS)
+    states[~unseen] = SAFE
+    states[tangents[:, np.newaxis] > slopes] = UNSAFE
+    states[np.isinf(tangents)] = UNSAFE
+    return Corridors(enu_m, slopes_deg, states, np.degrees(np.arctan(tangents)), obstacles)

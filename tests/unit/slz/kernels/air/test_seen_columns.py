@@ -1,0 +1,104 @@
+"""Rays through columns of air: what they pass is counted, what lies beyond their return is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from slz.kernels.air.seen_columns import (
+    BASE,
+    BELOW,
+    COL,
+    LEVELS,
+    NOWHERE,
+    ROW,
+    SIDE,
+    follow_rays,
+)
+
+VOXEL_M = 2.0
+
+
+class Air:
+    """Counts of rays, by the voxel's row, column and level."""
+
+    def __init__(self) -> None:
+        self.passed = np.zeros((SIDE, SIDE, LEVELS), np.uint8)
+        self.column = np.full((SIDE, SIDE, 3), NOWHERE, np.int32)
+
+    def follow(
+        self, points: NDArray[np.float64], sensor: tuple[float, float, float], stride: int = 1
+    ) -> None:
+        origin = np.zeros(len(points), np.uint16)
+        follow_rays(points, origin, np.array([sensor]), 0, stride, VOXEL_M, self.passed, self.column)
+
+    def count(self, row: int, col: int, level: int) -> int:
+        a, b = row % SIDE, col % SIDE
+        if self.column[a, b, ROW] != row or self.column[a, b, COL] != col:
+            return 0
+        up = level - self.column[a, b, BASE]
+        return int(self.passed[a, b, up]) if 0 <= up < LEVELS else 0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_ray_is_counted_once_in_the_voxels_it_passes_and_in_no_other(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    sensor, point = rng.uniform((-20, -20, 10), (20, 20, 50)), rng.uniform(-40, 40, 3)
+    air = Air()
+    air.follow(point[np.newaxis], tuple(sensor))
+    share = np.linspace(0, 1, 200_001)[:, np.newaxis]
+    path = np.floor((sensor + (point - sensor) * share) / VOXEL_M).astype(int)
+    crossed = {(r, c, level) for c, r, level in path.tolist()}
+    counted = {
+        (int(air.column[a, b, ROW]), int(air.column[a, b, COL]), int(air.column[a, b, BASE] + up))
+        for a, b, up in np.argwhere(air.passed)
+    }
+    assert air.passed.max() == 1
+    assert counted <= crossed
+    assert len(counted) > 0.6 * len(crossed)  # corners are cut
+
+
+def test_nothing_is_counted_beyond_a_return() -> None:
+    air = Air()
+    air.follow(np.array([[1.0, 1.0, 11.0]]), (1.0, 1.0, 21.0))
+    assert [air.count(0, 0, level) for level in range(4, 12)] == [0, 1, 1, 1, 1, 1, 1, 0]
+
+
+def test_each_ray_stands_for_those_that_are_not_followed() -> None:
+    air, points = Air(), np.tile([[1.0, 1.0, 0.0]], (90, 1))
+    air.follow(points, (1.0, 1.0, 10.0), stride=30)
+    assert air.count(0, 0, 2) == 90
+    for _ in range(3):
+        air.follow(points, (1.0, 1.0, 10.0), stride=30)
+    assert air.count(0, 0, 2) == 255
+
+
+def test_a_column_that_another_place_takes_is_forgotten() -> None:
+    air, far_m = Air(), SIDE * VOXEL_M
+    air.follow(np.array([[1.0, 1.0, 0.0]]), (1.0, 1.0, 10.0))
+    air.follow(np.array([[1.0 + far_m, 1.0, 0.0]]), (1.0 + far_m, 1.0, 10.0))
+    assert air.count(0, 0, 2) == 0
+    assert air.count(0, SIDE, 2) == 1
+
+
+def test_a_ray_is_followed_no_farther_than_air_is_remembered() -> None:
+    air = Air()
+    air.follow(np.array([[SIDE * VOXEL_M, 1.0, 20.0]]), (1.0, 1.0, 20.0))
+    columns = air.column[air.passed.any(axis=2)][:, COL]
+    assert columns.max() == SIDE // 2 - 1
+
+
+@pytest.mark.parametrize("sensor", [(np.nan, 0.0, 0.0), (0.0, 0.0, np.inf), (5.0, 5.0, 5.0)])
+def test_rays_from_nowhere_and_of_no_length_count_nothing(sensor: tuple[float, float, float]) -> None:
+    air = Air()
+    air.follow(np.array([[5.0, 5.0, 5.0]]), sensor)
+    assert not air.passed.any()
+
+
+def test_air_far_below_the_first_return_of_a_column_stays_unseen() -> None:
+    air = Air()
+    air.follow(np.array([[1.0, 1.0, 0.0], [1.0, 1.0, -4 * BELOW * VOXEL_M]]), (1.0, 1.0, 10.0))
+    assert air.count(0, 0, 0) == 2
+    assert air.count(0, 0, -BELOW) == 1
+    assert air.count(0, 0, -BELOW - 1) == 0
