@@ -1,0 +1,31 @@
+"""Ground effect of the simulated rotors."""
+
+import numpy as np
+import pytest
+
+from sitl.vehicle.ground_effect import ROTOR_OVER_FEET_M, ROTOR_RADIUS_M, ground_effect
+from sitl.vehicle.multirotor import GRAVITY_MS2, Vehicle
+
+DT_S = 0.0025
+
+
+def test_thrust_one_radius_over_the_ground_rises_by_a_fifteenth() -> None:
+    assert ground_effect(ROTOR_RADIUS_M - ROTOR_OVER_FEET_M) == pytest.approx(16 / 15)
+
+
+def test_the_effect_fades_with_height_and_is_bounded_below() -> None:
+    heights = (-5.0, -0.2, 0.0, 0.5, 1.0, 5.0, 1e6)
+    factors = [ground_effect(height) for height in heights]
+    assert factors == sorted(factors, reverse=True)
+    assert factors[0] < 1.34
+    assert factors[4] < 1.002
+    assert factors[-1] == pytest.approx(1.0)
+
+
+def test_a_vehicle_with_the_thrust_of_a_hover_aloft_is_pushed_off_the_ground() -> None:
+    near, far = (Vehicle(np.random.default_rng(1), (0.0, 0.0, up), 0.0, 0.0) for up in (0.1, 50.0))
+    for body in (near, far):
+        for tick in range(400):
+            body.update(DT_S, tick * 2_500_000, (np.zeros(3), GRAVITY_MS2), 0.0)
+    sunk = far.truth.pos_enu_m[2] - 50.0  # while the motors spin up
+    assert near.truth.pos_enu_m[2] - 0.1 > sunk + 0.03
