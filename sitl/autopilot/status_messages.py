@@ -1,4 +1,4 @@
-"""Messages on the vehicle's health: HEARTBEAT, SYS_STATUS, battery, GPS, EKF, wind, radio control and fence."""
+"""Status messages: HEARTBEAT, SYS_STATUS, battery, GPS, EKF, wind, radio control and fence."""
 
 from __future__ import annotations
 

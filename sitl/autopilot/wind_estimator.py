@@ -23,8 +23,8 @@ class WindEstimator:
     """Wind from the accelerometer's horizontal body axes, as EKF3 estimates it with EK3_DRAG_MCOEF.
 
     Thrust has no part along these axes, so what is measured there is the rotors' momentum drag: minus the
-    coefficient times the airspeed. The vertical wind is taken as zero. ArduCopter sends no WIND without an estimate,
-    which is its default.
+    coefficient times the airspeed. The vertical wind is taken as zero. ArduCopter sends no WIND without an
+    estimate, which is its default.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class WindEstimator:
         self.wind_ned_ms = None
 
     def update(self, dt_s: float, estimate: State, airborne: bool, drag_per_s: float) -> None:
-        """Update the estimate, `dt_s` after the last; on the ground or without a coefficient there is none."""
+        """Update the estimate, `dt_s` after the last; none on the ground or without a coefficient."""
         if not airborne or drag_per_s <= 0:
             self.wind_ned_ms = None
             return
@@ -59,7 +59,7 @@ class WindEstimator:
             self.wind_ned_ms = self.wind_ned_ms + (wind - self.wind_ned_ms) * (dt_s / SMOOTHING_S)
 
     def message(self) -> Any:
-        """Return WIND as ArduPilot sends it: the direction from which it blows, -180 to 180; None without one."""
+        """Return WIND as ArduPilot sends it, its direction from -180 to 180; None without an estimate."""
         if self.wind_ned_ms is None:
             return None
         north, east, down = (float(v) for v in self.wind_ned_ms)

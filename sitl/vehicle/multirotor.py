@@ -1,4 +1,4 @@
-"""True dynamics of the multirotor: rigid body, rate loop, thrust lag, drag, wind, ground effect and contact."""
+"""True dynamics of the multirotor: rigid body, rate loop, thrust lag, drag, wind, ground."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ PROFILE_TOP_M = 100.0  # of the surface layer, in which the profile is valid
 def wind_profile(height_m: float) -> float:
     """Return the mean wind at a height over the ground by that at `REFERENCE_M`: the logarithmic law."""
     height = min(max(height_m, 0.0), PROFILE_TOP_M)
-    return np.log(1.0 + height / ROUGHNESS_M) / np.log(1.0 + REFERENCE_M / ROUGHNESS_M)
+    return math.log(1.0 + height / ROUGHNESS_M) / math.log(1.0 + REFERENCE_M / ROUGHNESS_M)
 
 
 @kernel_for_any_types
@@ -47,8 +47,8 @@ class WindField:
     from_deg
         Compass direction from which it blows; None draws one.
     gust_ms
-        Standard deviation of the gusts in each horizontal direction, at all heights; 0.3 of it vertically. None is
-        a third of the mean.
+        Standard deviation of the gusts in each horizontal direction, at all heights; 0.3 of it vertically.
+        None is a third of the mean.
 
     Attributes
     ----------
