@@ -47,6 +47,10 @@ class Survey:
         if not s.lidar_ok:
             return without_lidar(state, s)
         state.outage.on_present(s.now_ns)
+        if state.too_windy(s) and (
+            self._has_lasted(s) or (state.request and state.request.enu_m is not None)
+        ):
+            return self._wait_for_less_wind(s)
         if state.request is not None and state.request.enu_m is not None:
             return self._approach.start(s, state.request.enu_m, state.request.zone_id)
         zone = self._choice(s)
@@ -71,6 +75,12 @@ class Survey:
             self._state.rest(Phase.IDLE, s)
             return VehicleCommands()
         return VehicleCommands(mode="guided", velocity_enu_ms=STOPPED)
+
+    def _wait_for_less_wind(self, s: Situation) -> VehicleCommands:
+        """Hover; the time to search for a zone begins when the wind is less."""
+        self._state.report_wind(s)
+        self._state.end_survey(s)
+        return VehicleCommands(velocity_enu_ms=STOPPED)
 
     def _choice(self, s: Situation) -> Zone | None:
         """Return the zone to fly to once the survey has lasted: a near one, else one to be looked at.
