@@ -7,11 +7,11 @@ import math
 from companion.flight.geometry.wind import Wind
 
 FROM_MS, UNTIL_MS = 2.0, 1.2  # mean speed from which the wind counts, and below which it ceases to
-FOLLOW_RAD = math.radians(10.0)  # turn of the wind that the heading follows
+FOLLOW_RAD = math.radians(5.0)  # turn of the wind that the heading follows
 
 
 class IntoWind:
-    """Heading into the wind, held until the wind has turned by more than 10 degrees.
+    """Heading into the wind, held until the wind has turned by more than 5 degrees.
 
     Below 2 m/s the direction is not used: an error of the tilt by two degrees is as large.
 

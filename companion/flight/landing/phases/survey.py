@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from companion.flight.landing.gust_drift import gust_drift_m
 from companion.flight.landing.interruptions.missing_input import without_lidar
 from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.looks.oblique_look import ObliqueLook
@@ -92,9 +93,10 @@ class Survey:
             return None
         if state.is_urgent:
             return state.soonest_zone(s)
+        drift_m = gust_drift_m(s.wind)
         return (
-            choose(s.report.zones, state.refused, p)
-            or choose(s.report.far.zones, state.refused, p)
+            choose(s.report.zones, state.refused, p, drift_m)
+            or choose(s.report.far.zones, state.refused, p, drift_m)
             or look_at(s.report, state.refused, p)
         )
 

@@ -35,13 +35,13 @@ def test_it_begins_at_two_metres_per_second_and_ends_well_below() -> None:
     assert seen == [None, 50, 50, 50, None, None]
 
 
-def test_it_follows_a_wind_that_turned_by_more_than_ten_degrees() -> None:
+def test_it_follows_a_wind_that_turned_by_more_than_five_degrees() -> None:
     into = IntoWind()
     seen = []
-    for direction in (355, 4, 346, 6, 340):
+    for direction in (357, 1, 353, 3, 340):
         into.follow(wind(direction))
         seen.append(heading_deg(into))
-    assert seen == [355, 355, 355, 6, 340]
+    assert seen == [357, 357, 357, 3, 340]
 
 
 def test_frozen_it_stays_whatever_the_wind_does_until_released() -> None:
