@@ -17,6 +17,7 @@ SPAN_NS = 3_000_000_000  # of a mean: WMO's averaging time of gusts
 STEP_NS = 90_000_000
 GAP_NS = 500_000_000
 MOST_ACCELERATION_MS2 = 1.0  # mean over the span; beyond, errors of time between tilt and velocity dominate
+MOST_MS = 8.0  # mean ground speed; beyond, the quadratic drag of the body, which is left out, becomes large
 LEAST_UPRIGHT = 0.7  # cosine of the tilt
 
 
@@ -44,7 +45,7 @@ class TiltWind:
     def add(self, stamp_ns: int, quat_wxyz: Sequence[float], velocity_enu_ms: Floats) -> Floats | None:
         """Add a sample in flight; return the mean wind (2,) towards east, north of the last 3 s.
 
-        None too early, between steps of 0.1 s, and while the vehicle accelerates hard.
+        None too early, between steps of 0.1 s, and while the vehicle accelerates hard or flies fast.
         """
         if self._samples:
             elapsed_ns = stamp_ns - self._samples[-1][0]
@@ -66,9 +67,11 @@ class TiltWind:
         velocity = np.array([sample[1] for sample in self._samples])
         slope = np.array([sample[2] for sample in self._samples])
         acceleration = (velocity[-1] - velocity[0]) / span_s
-        if float(np.hypot(*acceleration[:2])) > MOST_ACCELERATION_MS2:
+        mean = velocity.mean(axis=0)
+        hard = float(np.hypot(*acceleration[:2])) > MOST_ACCELERATION_MS2
+        if hard or float(np.hypot(*mean[:2])) > MOST_MS:
             return None
         up = GRAVITY_MS2 + acceleration[2] + self._drag_per_s * velocity[:, 2:]
         lift = (up * slope).mean(axis=0)
         airspeed = (lift - acceleration[:2]) / self._drag_per_s
-        return np.asarray(velocity[:, :2].mean(axis=0) - airspeed)
+        return np.asarray(mean[:2] - airspeed)

@@ -116,6 +116,7 @@ class LandingState:
         """Begin a requested landing."""
         self.request, self.started_ns = request, s.now_ns
         self.refused.clear()
+        self.keeps_request = False
         self.start_survey(s)
 
     def start_survey(self, s: Situation) -> None:
