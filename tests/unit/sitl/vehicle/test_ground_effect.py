@@ -22,10 +22,12 @@ def test_the_effect_fades_with_height_and_is_bounded_below() -> None:
     assert factors[-1] == pytest.approx(1.0)
 
 
-def test_a_vehicle_with_the_thrust_of_a_hover_aloft_is_pushed_off_the_ground() -> None:
-    near, far = (Vehicle(np.random.default_rng(1), (0.0, 0.0, up), 0.0, 0.0) for up in (0.1, 50.0))
+def test_a_vehicle_near_the_ground_is_accelerated_upwards_by_the_additional_thrust() -> None:
+    near, far = (Vehicle(np.random.default_rng(1), (0.0, 0.0, up), 0.0, 0.0) for up in (0.4, 50.0))
     for body in (near, far):
-        for tick in range(400):
+        for tick in range(160):  # until the motors have their speed
             body.update(DT_S, tick * 2_500_000, (np.zeros(3), GRAVITY_MS2), 0.0)
-    sunk = far.truth.pos_enu_m[2] - 50.0  # while the motors spin up
-    assert near.truth.pos_enu_m[2] - 0.1 > sunk + 0.03
+    additional = near.truth.acc_enu_ms2[2] - far.truth.acc_enu_ms2[2]
+    share = ground_effect(near.truth.pos_enu_m[2]) - 1
+    assert share > 0.005
+    assert additional == pytest.approx(GRAVITY_MS2 * share, rel=0.15)

@@ -25,6 +25,9 @@ def test_it_blows_away_from_where_it_comes(from_deg: float, towards: tuple[float
 def test_the_stated_mean_is_that_ten_metres_over_the_ground() -> None:
     calm = field(mean_ms=8.0, from_deg=270.0, gust_ms=0.0)
     assert calm.advance(DT_S, 10.0)[0] == pytest.approx(8.0)
+    assert (
+        calm.advance(DT_S, 2.0)[0] == pytest.approx(8.0 * wind_profile(2.0)) == pytest.approx(5.8, abs=0.01)
+    )
 
 
 def test_wind_is_less_near_the_ground_and_none_on_it() -> None:

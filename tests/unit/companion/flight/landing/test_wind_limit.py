@@ -88,6 +88,18 @@ def test_in_the_survey_it_hovers_and_says_why_and_chooses_when_the_wind_is_less(
     flight.fly_to(Phase.LANDED)
 
 
+def test_the_search_for_a_zone_has_its_time_after_a_long_wait_for_less_wind() -> None:
+    flight = Flight([]).fly_to(Phase.SURVEY)
+    flight.wind = gust(14.0)
+    flight.run(400)
+    flight.wind = gust(9.0)
+    flight.run(200)
+    assert flight.executive.phase is Phase.SURVEY
+    assert not any("no zone" in text for text in flight.texts)
+    flight.run(150)
+    assert "SLZ: no zone found: take over" in flight.texts
+
+
 # ---- a landing is broken off ---------------------------------------------------------------------------
 
 
