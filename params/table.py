@@ -481,6 +481,37 @@ class Parameters(BaseModel):
             live=True,
         ),
     ] = 1.5
+    into_wind: Annotated[
+        Literal["on", "off"],
+        Spec(
+            "SLZ_INTO_WIND",
+            "",
+            OURS,
+            "Whether the vehicle turns into the wind before it descends, as far as its gear allows.",
+            live=True,
+        ),
+    ] = "on"
+    max_wind_ms: Annotated[
+        float,
+        _in(1, 50),
+        Spec(
+            "SLZ_MAX_WIND",
+            "m/s",
+            OURS,
+            "Gust (greatest mean over 3 s of the last minute) above which only an emergency lands.",
+            live=True,
+        ),
+    ] = 12.0
+    drag_per_s: Annotated[
+        float,
+        _in(0, 2),
+        Spec(
+            "SLZ_DRAG",
+            "1/s",
+            OURS,
+            "Deceleration of a multirotor per airspeed, for a wind from its tilt; 0 estimates none.",
+        ),
+    ] = 0.2
     battery_land_pct: Annotated[
         float,
         _in(0, 100),

@@ -30,6 +30,8 @@ RANGES = {
     "point_rate": (1000.0, 2_000_000.0),
     "takeoff_alt": (0.5, 1000.0),
     "wind": (0.0, 50.0),
+    "wind_from": (0.0, 360.0),
+    "gust": (0.0, 20.0),
     "footprint": (0.1, 50.0),
     "slope_limit": (0.0, 90.0),
     "relief_limit": (0.0, 50.0),
@@ -170,7 +172,13 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     )
     parser.add_argument("--pilot", default="none", choices=("none", "takeoff"))
     parser.add_argument("--takeoff-alt", type=float, default=30.0, help="m above home")
-    parser.add_argument("--wind", type=float, default=3.0, help="mean wind, m/s")
+    parser.add_argument("--wind", type=float, default=3.0, help="mean wind 10 m over the ground, m/s")
+    parser.add_argument(
+        "--wind-from", type=float, default=None, metavar="DEG", help="where it blows from; drawn by default"
+    )
+    parser.add_argument(
+        "--gust", type=float, default=None, metavar="M/S", help="standard deviation; a third of the mean"
+    )
     parser.add_argument("--intruder", default="none", metavar="none|car@HEIGHT")
     parser.add_argument(
         "--duration", type=float, default=None, help="simulated seconds; with --autopilot real ones"
@@ -236,6 +244,8 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         point_rate_hz=round(options.point_rate),
         lidar_dual=options.dual,
         wind_ms=options.wind,
+        wind_from_deg=options.wind_from,
+        gust_ms=options.gust,
         pilot_height_m=options.takeoff_alt if options.pilot == "takeoff" else None,
         mavlink_key=None if options.mavlink_key is None else read_key(options.mavlink_key),
         radar_to=None if options.radar_to is None else _address(options.radar_to, "--radar-to"),

@@ -59,6 +59,8 @@ class Simulation:
         point_rate_hz: int = 200_000,
         errors: EstimateErrors | None = None,
         wind_ms: float = 3.0,
+        wind_from_deg: float | None = None,
+        gust_ms: float | None = None,
         parameters: dict[str, float] | None = None,
         pilot_height_m: float | None = None,
         ready_after_s: float = 5.0,
@@ -73,7 +75,8 @@ class Simulation:
         self.scene = scene
         self.origin_lla = origin_lla
         self.now_ns = 0
-        self.vehicle = Vehicle(streams[0], (x, y, scene.world.height_m(x, y)), heading, wind_ms)
+        home = x, y, scene.world.height_m(x, y)
+        self.vehicle = Vehicle(streams[0], home, heading, wind_ms, wind_from_deg, gust_ms)
         self.autopilot = Autopilot(origin_lla, parameters, ready_after_s=ready_after_s)
         self.estimator = Estimator(streams[1], errors, self.autopilot.aiding)
         self.autopilot.late_ns = lambda: round(self.late_s(self.now_ns) * 1e9)

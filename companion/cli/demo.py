@@ -37,6 +37,10 @@ def demo(
     ] = "none",
     point_rate: Annotated[float, typer.Option(help="LiDAR points per second.")] = 200_000.0,
     limit_s: Annotated[float, typer.Option(help="Give up after so many simulated seconds.")] = 900.0,
+    wind: Annotated[float, typer.Option(help="Mean wind 10 m over the ground, m/s.")] = 3.0,
+    wind_from: Annotated[
+        float | None, typer.Option(help="Direction from which it blows, degrees; drawn by default.")
+    ] = None,
     dashboard: Dashboard = None,
     dashboard_token: DashboardToken = None,
     profile: Profile = "quadcopter",
@@ -52,7 +56,9 @@ def demo(
     chosen = demonstration.sensor_named(sensor)
     parameters = params.load(profile, [*chosen.settings_for(scene), *setting])
     compile_at_first(parameters.mode)
-    plan = demonstration.DemoOptions(scene, seed, speedup, out, intruder, point_rate, limit_s, chosen, prior)
+    plan = demonstration.DemoOptions(
+        scene, seed, speedup, out, intruder, point_rate, limit_s, chosen, prior, wind, wind_from
+    )
     demonstration.check(plan)
     with page_endpoint(dashboard or (None if headless else DEMO_PAGE), dashboard_token) as front:
         summary = demonstration.fly(plan, parameters, err, context.obj, live=not headless, front=front)

@@ -17,6 +17,7 @@ from companion.flight.flown_path import FlownPath
 from companion.flight.fusion.assembler import ScanAssembler
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.fusion.second_sensor import open_beside
+from companion.flight.fusion.wind_estimate import WindEstimate
 from companion.flight.landing.executive import Executive
 from companion.flight.landing.landing_memory import LandingMemory
 from companion.flight.landing.mavlink_orders import MavlinkOrders
@@ -111,6 +112,8 @@ class Companion:
             remember_vehicle(self.link, state)
         self.history = PoseHistory(parameters)
         self.link.on_reboot.subscribe(self.history.clear)
+        self.wind = WindEstimate(parameters.drag_per_s)
+        self.wind.follow(self.link)
         self.executive = Executive(parameters, auto)
         self.fitness = Fitness(auto)
         self.obstacles = RecentObstacles()
@@ -138,7 +141,7 @@ class Companion:
             lambda: self.assembler.scans,
         )  # fmt: skip
         self.situations = SituationSource(
-            parameters, self.link, self.history, self.worker, self.lidar, self.radar, self.fitness
+            parameters, self.link, self.history, self.worker, self.lidar, self.radar, self.fitness, self.wind
         )
         self.feed.on_scan.subscribe(self.situations.on_scan)
         self.feed.on_new_map.subscribe(self.situations.on_new_map)

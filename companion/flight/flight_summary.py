@@ -42,6 +42,7 @@ def flight_summary(flight: FlightView) -> dict[str, Any]:
         "failed_windows": worker.failed,
         "late_windows": worker.late,
         "latency_ms": _quantiles(worker.latencies_ms.array()),
+        "wind": flight.wind.summary(),
         "autopilot_parameters": flight.fitness.summary(),
         "streams": flight.streams.statistics(),
         "link": asdict(flight.link.statistics()),

@@ -7,6 +7,7 @@ from typing import Protocol
 from companion.flight.doctor.autopilot_fitness import Fitness
 from companion.flight.fusion.assembler import ScanAssembler
 from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.fusion.wind_estimate import WindEstimate
 from companion.flight.landing.executive import Executive
 from companion.flight.landing.operator_order import OrderDesk
 from companion.flight.landing.situation import Situation
@@ -37,6 +38,7 @@ class FlightView(Protocol):
     radar: Lidar | None
     assembler: ScanAssembler
     history: PoseHistory
+    wind: WindEstimate
     worker: PipelineWorker
     executive: Executive
     order_desk: OrderDesk

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from companion.flight.doctor.autopilot_fitness import Fitness
 from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.fusion.wind_estimate import WindEstimate
 from companion.flight.geometry.axes import heading_rad
 from companion.flight.landing.situation import Situation
 from companion.flight.link.link import Link
@@ -43,10 +44,12 @@ class SituationSource:
         lidar: Lidar,
         radar: Lidar | None,
         fitness: Fitness,
+        wind: WindEstimate,
     ) -> None:
         self._p = parameters
         self._link, self._history, self._worker = link, history, worker
         self._lidar, self._radar, self._fitness = lidar, radar, fitness
+        self._wind = wind
         self.newest: Report | None = None
         self.blocked = False
         self._last_scan_ns: int | None = None
@@ -105,6 +108,7 @@ class SituationSource:
             fit=self._fitness.fit,
             heading_rad=None if pose is None else heading_rad(pose.rotation_enu_from_frd),
             below=self._worker.below,
+            wind=self._wind.at(now),
         )
 
     def fresh_report(self) -> Report | None:

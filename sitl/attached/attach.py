@@ -19,7 +19,10 @@ from sitl.truth import gear_options, truth
 
 IDLE_S = 0.002
 # Options of the whole vehicle; the followed autopilot has its own.
-FOREIGN = ("mavlink", "mavlink_key", "lockstep", "speedup", "pilot", "wind", "takeoff_alt", "intruder")
+FOREIGN = (
+    *("mavlink", "mavlink_key", "lockstep", "speedup", "pilot", "takeoff_alt", "intruder"),
+    *("wind", "wind_from", "gust"),
+)
 FLAT_ENOUGH = 0.98
 
 

@@ -24,6 +24,7 @@ from sitl.autopilot.proximity import Proximity
 from sitl.autopilot.radio_receiver import RadioReceiver
 from sitl.autopilot.rally import Rally
 from sitl.autopilot.telemetry import Telemetry
+from sitl.autopilot.wind_estimator import WindEstimator
 from sitl.vehicle.multirotor import GRAVITY_MS2
 from sitl.vehicle.rigid_body import State, to_euler
 
@@ -81,6 +82,7 @@ class Autopilot:
         self.proximity = Proximity()
         self.aiding = PositionAiding()
         self.receiver = RadioReceiver()
+        self.wind = WindEstimator()
         self.navigator = Navigator(self.parameters, self.precland)
         self.rally = Rally(self)
         self.failsafes = Failsafes(self)
@@ -276,6 +278,7 @@ class Autopilot:
         self.proximity = Proximity()
         self.failsafes = Failsafes(self)
         self.rangefinder = None
+        self.wind.restart()
         self.telemetry.restart()
         self._outgoing.clear()
         if self.estimate is not None:
@@ -325,6 +328,9 @@ class Autopilot:
         if jump_enu_m is not None:
             self.follow_reset(jump_enu_m)
         self.failsafes.check()
+        if self.estimate is not None:
+            drag = self.parameters["EK3_DRAG_MCOEF"]
+            self.wind.update(PERIOD_NS * 1e-9, self.estimate, self.airborne, drag)
         for severity, text in self.precland.status_texts(self._now_ns):
             self.send_text(text, severity)
 

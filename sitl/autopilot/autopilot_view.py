@@ -14,6 +14,7 @@ from sitl.autopilot.position_aiding import PositionAiding
 from sitl.autopilot.precland import PrecisionLanding
 from sitl.autopilot.proximity import Proximity
 from sitl.autopilot.radio_receiver import RadioReceiver
+from sitl.autopilot.wind_estimator import WindEstimator
 from sitl.vehicle.rigid_body import State
 
 F64 = NDArray[np.float64]
@@ -35,6 +36,7 @@ class AutopilotView(Protocol):
     proximity: Proximity
     aiding: PositionAiding
     receiver: RadioReceiver
+    wind: WindEstimator
     navigator: Navigator
 
     @property

@@ -16,6 +16,7 @@ DEFAULTS: dict[str, float] = {
     "BATT_LOW_TIMER": 10,  # s
     "BATT_LOW_VOLT": 10.5,
     "DISARM_DELAY": 10,
+    "EK3_DRAG_MCOEF": 0.23,  # 1/s, of its vehicle, 8 % too low; ArduCopter's default 0 estimates no wind
     "FENCE_ACTION": 1,  # 0 reports, 1 returns or lands, 2 lands
     "FENCE_ALT_MAX": 100,
     "FENCE_ENABLE": 0,
@@ -70,6 +71,7 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "AVOID_MARGIN": (1, 10),
     "BATT_FS_LOW_ACT": (0, 2),
     "DISARM_DELAY": (0, 127),
+    "EK3_DRAG_MCOEF": (0, 1),
     "FENCE_ACTION": (0, 2),
     "FENCE_ALT_MAX": (10, 1000),
     "FENCE_RADIUS": (30, 10_000),

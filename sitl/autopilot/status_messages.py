@@ -1,4 +1,4 @@
-"""Messages on the vehicle's health: HEARTBEAT, SYS_STATUS, battery, GPS, EKF, radio control and fence."""
+"""Status messages: HEARTBEAT, SYS_STATUS, battery, GPS, EKF, wind, radio control and fence."""
 
 from __future__ import annotations
 
@@ -37,6 +37,7 @@ class StatusMessages:
             mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: self._battery,
             mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw,
             mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self._ekf_status,
+            mavlink.MAVLINK_MSG_ID_WIND: autopilot.wind.message,
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
             mavlink.MAVLINK_MSG_ID_FENCE_STATUS: self._fence_status,
         }

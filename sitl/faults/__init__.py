@@ -2,7 +2,7 @@
 
 One family per file: `link_faults` (the companion's link), `autopilot_faults`, `stick_fault` (the pilot's
 stick), `failsafe_faults` (triggers of the autopilot's failsafes), `neighbour_faults` (other systems on the
-link), `lidar_faults`.
+link), `lidar_faults`, `wind_faults`.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from sitl.faults import (
     link_faults,
     neighbour_faults,
     stick_fault,
+    wind_faults,
 )
 from sitl.faults.fault import Fault
 from sitl.faults.faulty_wire import FaultyWire
@@ -52,6 +53,8 @@ _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "lidar_clock": lidar_faults.ClockStep,
     "lidar_misaligned": lidar_faults.Misalignment,
     "lidar_dust": lambda rng: lidar_faults.Weather(*lidar_faults.DUST),
+    "wind_missing": lambda rng: wind_faults.WindMissing(),
+    "wind_absurd": lambda rng: wind_faults.WindAbsurd(),
     "lidar_rain": lambda rng: lidar_faults.Weather(*lidar_faults.RAIN),
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)

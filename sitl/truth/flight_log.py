@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -78,6 +79,7 @@ class FlightLog:
             "seed": s.scene.seed,
             "scene": s.scene.name,
             "origin": list(s.origin_lla),
+            "wind": self._wind(),
             "takeoff": self.takeoff,
             "touchdown": self._judged(s.touchdown),
             "collision": self._placed(s.vehicle.collision),
@@ -87,6 +89,12 @@ class FlightLog:
             "events": self.events,
             "trajectory": self.trajectory,
         }
+
+    def _wind(self) -> dict[str, float]:
+        """Return the mean wind 10 m over the ground: where it blows from, and its speed."""
+        east, north, _ = (float(v) for v in self._simulation.vehicle.wind.mean_enu_ms)
+        from_deg = math.degrees(math.atan2(-east, -north)) % 360.0
+        return {"from_deg": round(from_deg, 1), "speed_ms": round(math.hypot(east, north), 2)}
 
     def _judged(self, touchdown: dict[str, Any] | None) -> dict[str, Any] | None:
         placed = self._placed(touchdown)

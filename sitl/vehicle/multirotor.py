@@ -1,4 +1,4 @@
-"""True dynamics of the multirotor: rigid body, rate loop, thrust lag, drag, wind, and ground contact."""
+"""True dynamics of the multirotor: rigid body, rate loop, thrust lag, drag, wind, ground."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.compilation import kernel_for_any_types
+from sitl.vehicle.ground_effect import ground_effect
 from sitl.vehicle.rigid_body import State, from_euler, multiply, rotate, to_euler
+from sitl.vehicle.wind_field import WindField
 
 F64 = NDArray[np.float64]
 
@@ -18,7 +20,6 @@ RATE_LAG_S = 0.05
 THRUST_LAG_S = 0.06
 DRAG_PER_S = 0.25
 MAX_THRUST_MS2 = 22.0
-GUST_TAU_S = 4.0
 
 COLLISION_M = 0.5  # deeper in a surface, or lifted farther by it, than a contact of the skids allows
 HARDEST_TOUCH_MS = 4.0
@@ -38,7 +39,7 @@ def _step(x: F64, rates: F64, thrust: float, dt: float, ground: float, wind: F64
     spin = np.array([0.0, x[10], x[11], x[12]])
     q = q + 0.5 * dt * multiply(q, spin)
     q /= np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-    lift = rotate(q, np.array([0.0, 0.0, -x[13]]))
+    lift = rotate(q, np.array([0.0, 0.0, -x[13] * ground_effect(x[2] - ground)]))
     ax = lift[1] - DRAG_PER_S * (x[3] - wind[0])
     ay = lift[0] - DRAG_PER_S * (x[4] - wind[1])
     az = -lift[2] - GRAVITY_MS2 - DRAG_PER_S * (x[5] - wind[2])
@@ -69,17 +70,6 @@ def _step(x: F64, rates: F64, thrust: float, dt: float, ground: float, wind: F64
     return standing, lifted
 
 
-@kernel_for_any_types
-def _blow(gust: F64, mean: F64, sigma: float, draw: F64, dt: float) -> F64:
-    """Advance the gust (Gauss-Markov); return the wind."""
-    share = dt / GUST_TAU_S
-    out = np.empty(3)
-    for i in range(3):
-        gust[i] += -gust[i] * share + sigma * np.sqrt(2 * share) * draw[i]
-        out[i] = mean[i] + gust[i] * (0.3 if i == 2 else 1.0)
-    return out
-
-
 class Vehicle:
     """True state of the vehicle, with touchdown and collision detection.
 
@@ -91,8 +81,13 @@ class Vehicle:
         Initial position (m); z is the ground there.
     heading_rad
         Clockwise from north.
-    wind_ms
-        Mean horizontal wind; its direction is random, and gusts of a third of it are added.
+    wind_ms, wind_from_deg, gust_ms
+        See `WindField`.
+
+    Attributes
+    ----------
+    wind
+        Wind at the vehicle.
     """
 
     def __init__(
@@ -101,17 +96,13 @@ class Vehicle:
         home_enu: tuple[float, float, float],
         heading_rad: float = 0.0,
         wind_ms: float = 3.0,
+        wind_from_deg: float | None = None,
+        gust_ms: float | None = None,
     ) -> None:
         self._x = np.zeros(17)
         self._x[0:3] = home_enu
         self._x[6:10] = from_euler(0.0, 0.0, heading_rad)
-        self._rng = rng
-        direction = rng.uniform(0, 2 * np.pi)
-        self._mean_wind = wind_ms * np.array([np.cos(direction), np.sin(direction), 0.0])
-        self._gust = np.zeros(3)
-        self._gust_sigma = wind_ms / 3
-        self._draws = np.zeros((0, 3))
-        self._next_draw = 0
+        self.wind = WindField(rng, wind_ms, wind_from_deg, gust_ms)
         self.on_ground = True
         self.contact: dict[str, Any] | None = None
         """First contact of the last landing; None in flight and after a collision."""
@@ -140,7 +131,8 @@ class Vehicle:
             demand, ground_z_m = (np.zeros(3), 0.0), self._clear_ground_m
         rates, thrust = demand
         before = self._x.copy()
-        standing, lifted = _step(self._x, rates, thrust, dt_s, ground_z_m, self._wind(dt_s))
+        wind = self.wind.advance(dt_s, float(self._x[2]) - ground_z_m)
+        standing, lifted = _step(self._x, rates, thrust, dt_s, ground_z_m, wind)
         if self.collision is None:
             self._note(now_ns, before, standing, lifted, float(self._x[2]) - ground_z_m)
         self.on_ground = standing
@@ -177,10 +169,3 @@ class Vehicle:
     def _place(self, now_ns: int) -> dict[str, Any]:
         e, n, u = (float(v) for v in self._x[0:3])
         return {"t_ns": now_ns, "e": e, "n": n, "u": u}
-
-    def _wind(self, dt_s: float) -> F64:
-        if self._next_draw == len(self._draws):
-            self._draws, self._next_draw = self._rng.standard_normal((4096, 3)), 0
-        draw = self._draws[self._next_draw]
-        self._next_draw += 1
-        return _blow(self._gust, self._mean_wind, self._gust_sigma, draw, dt_s)

@@ -53,7 +53,7 @@ CAR_BELOW_M = 200.0
 
 @dataclass(frozen=True, slots=True)
 class DemoOptions:
-    """Options of a demonstration: scene, seed, speed, folder, intruder, sensor and limits."""
+    """Options of a demonstration: scene, seed, speed, folder, intruder, sensor, limits and wind."""
 
     scene: str
     seed: int
@@ -64,6 +64,8 @@ class DemoOptions:
     limit_s: float = 900.0
     sensor: DemoSensor = SENSORS[0]
     prior: Path | None = None
+    wind_ms: float = 3.0
+    wind_from_deg: float | None = None
 
 
 def fly(
@@ -130,6 +132,8 @@ def check(plan: DemoOptions) -> None:
         ("speedup", plan.speedup, 0.0, 1000.0),
         ("point-rate", plan.point_rate_hz, 1000.0, 2_000_000.0),
         ("limit-s", plan.limit_s, 1.0, 86_400.0),
+        ("wind", plan.wind_ms, 0.0, 50.0),
+        ("wind-from", plan.wind_from_deg or 0.0, 0.0, 360.0),
     ):
         if not low <= value <= high:
             raise UsageError(f"--{option} {value:g}: must be a number from {low:g} to {high:.10g}")
@@ -303,12 +307,15 @@ def _simulator(
         "--pilot", "takeoff",
         "--takeoff-alt", str(TAKEOFF_M.get(plan.scene, 30.0)),
         "--intruder", plan.intruder,
+        "--wind", str(plan.wind_ms),
         "--truth", str(truth),
         "--footprint", str(parameters.footprint_m),
         "--slope-limit", str(parameters.safe_slope_deg),
         "--relief-limit", str(parameters.relief_m),
         *gear_options(parameters),
     ]  # fmt: skip
+    if plan.wind_from_deg is not None:
+        command += ["--wind-from", str(plan.wind_from_deg)]
     if plan.sensor.radar:
         command += ["--radar-to", f"127.0.0.1:{radar_port}"]
     processes: list[subprocess.Popen[str]] = []

@@ -11,6 +11,7 @@ from companion.flight.flight_view import FlightView
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.axes import heading_rad
 from companion.flight.geometry.pose import Pose
+from companion.flight.geometry.wind import Wind
 from companion.flight.landing.situation import COMMANDING
 from companion.flight.link.vehicle_state import VehicleState
 
@@ -45,6 +46,7 @@ def state(flight: FlightView) -> dict[str, Any]:
         "battery_low": low,
         "unfit": list(flight.fitness.texts),
         **_motion(pose),
+        "wind": _wind(s.wind),
         "height_m": _finite(flight.streams.height_m, 1),
         "height_home_m": _finite(s.height_above_home_m, 1),
         "aim_enu_m": None if aim is None else [_finite(v, 2) for v in aim],
@@ -77,11 +79,24 @@ def replayed(history: PoseHistory, vehicle: VehicleState, at_ns: int) -> dict[st
         "battery_low": False,
         "unfit": [],
         **_motion(pose),
+        "wind": None,
         "height_m": None,
         "height_home_m": _finite(vehicle.relative_alt_m, 1),
         "aim_enu_m": None,
         "aborts": 0,
         "reboots": vehicle.reboots,
+    }
+
+
+def _wind(wind: Wind | None) -> dict[str, Any] | None:
+    """Return the wind: where it blows from, mean, gust and source."""
+    if wind is None:
+        return None
+    return {
+        "from_deg": round(math.degrees(wind.from_rad)) % 360,
+        "speed_ms": round(wind.speed_ms, 1),
+        "gust_ms": round(wind.gust_ms, 1),
+        "source": wind.source,
     }
 
 

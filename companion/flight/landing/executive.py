@@ -201,6 +201,9 @@ class Executive:
             return Reply(False, "set GUIDED first")
         if s.estimate_lost:
             return Reply(False, f"{s.estimate_lost} lost: fly by hand")
+        too_windy = self.state.too_windy(s, request.urgent)
+        if too_windy:
+            return Reply(False, too_windy)
         if ground is not None and must_be_confirmed(ground.surface, self._p):
             if not self._is_confirmed(ground, s):
                 return Reply(False, f"{ground.text}: order again to confirm", asks=True)
@@ -255,6 +258,7 @@ class Executive:
         state = self.state
         self._jump.follow(s)
         state.aim.measure(s.position_enu_m, s.selected)
+        state.follow_wind(s)
         state.hand_over.follow(s)
         self._battery.update(s)
         commands = self._withdrawal.reclassify_as_failsafe(s) or self._reaction(s)
@@ -282,6 +286,7 @@ class Executive:
             state.ownership,
             asked_up_ms=self._asked_up_ms,
             off_point_m=self._p.off_point_m,
+            too_windy=state.too_windy(s),
         )
         reacted = None if breach is None else self._react(breach, s)
         if reacted is not None:
@@ -308,7 +313,8 @@ class Executive:
             case Reaction.STAND_BACK:
                 return self._withdrawal.stand_back(breach, s)
             case Reaction.BREAK_OFF if breach.precondition is not Precondition.POSITION:
-                return self.state.break_off(breach.what, s)
+                by_wind = breach.precondition is Precondition.WIND
+                return self.state.break_off(breach.what, s, keeps_point=by_wind)
             case Reaction.CALL:
                 self.state.say(Severity.CRITICAL, f"{breach.what}: take over")
             case Reaction.TELL if breach.precondition is Precondition.GPS:

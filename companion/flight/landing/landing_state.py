@@ -7,6 +7,7 @@ import numpy as np
 from companion.flight.landing.aim import Aim
 from companion.flight.landing.hand_over import HandOver
 from companion.flight.landing.interruptions.outage import Outage
+from companion.flight.landing.into_wind import IntoWind
 from companion.flight.landing.mode_ownership import ModeOwnership
 from companion.flight.landing.point_selection import PointSelection
 from companion.flight.landing.route import Route, Way
@@ -21,12 +22,14 @@ from companion.flight.landing.situation import (
     Vector,
     VehicleCommands,
 )
+from companion.flight.landing.wind_limit import WindLimit
 from companion.flight.landing.zone_choice import must_be_confirmed, soonest
 from params import Parameters
 from slz import PointState, Zone
 
 SECOND = 1_000_000_000
 STUCK_NS = 60 * SECOND  # beyond twice the travel time of a phase
+WIND_AGAIN_NS = 30 * SECOND
 LANDING_MS = 0.5  # lowest sink rate of autopilots at the end of a landing
 
 
@@ -43,6 +46,10 @@ class LandingState:
         Present phase, its beginning, and its time limit.
     request, started_ns, refused
         The accepted request, its time, and the points that its landing broke off from.
+    into_wind, wind_limit
+        Heading into the wind, and whether gusts exceed `max_wind_ms`.
+    keeps_request
+        The last landing was broken off for a reason that is not its point's: it is tried again.
     safe_since_ns
         In the approach: since then the vehicle has been over the point, which is safe.
     level_since_ns
@@ -60,11 +67,14 @@ class LandingState:
         self.ownership, self.hand_over = ModeOwnership(), HandOver()
         self.aim, self.route = Aim(), Route(parameters)
         self.selection, self.outage = PointSelection(), Outage()
+        self.into_wind, self.wind_limit = IntoWind(), WindLimit()
+        self.keeps_request = False
         self.request: LandingRequest | None = None
         self.refused: list[Vector] = []
         self.safe_since_ns: int | None = None
         self.level_since_ns: int | None = None
         self.told_to_hand_over_ns: int | None = None
+        self._wind_reported_ns: int | None = None
         self._texts: list[tuple[Severity, str]] = []
 
     # ---- texts ----------------------------------------------------------------------------------
@@ -88,6 +98,7 @@ class LandingState:
     def go(self, phase: Phase, s: Situation) -> None:
         """Enter a phase."""
         self.phase = phase
+        self.into_wind.freeze(phase in (Phase.DESCEND, Phase.FINAL))
         self.order_count += phase not in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
         self.since_ns = s.now_ns
         self.restart_limit(s)
@@ -105,6 +116,7 @@ class LandingState:
         """Begin a requested landing."""
         self.request, self.started_ns = request, s.now_ns
         self.refused.clear()
+        self.keeps_request = False
         self.start_survey(s)
 
     def start_survey(self, s: Situation) -> None:
@@ -124,12 +136,18 @@ class LandingState:
         """Let the present map count as the survey."""
         self.since_ns = s.now_ns - round(self.parameters.survey_s * 1e9)
 
-    def break_off(self, reason: str, s: Situation, hold: bool = False) -> VehicleCommands:
-        """Leave the point: stop, or climb at once where the autopilot is landing."""
+    def break_off(
+        self, reason: str, s: Situation, hold: bool = False, *, keeps_point: bool = False
+    ) -> VehicleCommands:
+        """Leave the point: stop, or climb at once where the autopilot is landing.
+
+        keeps_point: it may be landed at later.
+        """
+        self.keeps_request = keeps_point
         self.tally.aborts += 1
         self.tally.abort_reasons.append(reason)
         self.say(Severity.WARNING, f"abort: {reason}")
-        if self.aim.enu_m is not None and not hold:
+        if self.aim.enu_m is not None and not hold and not keeps_point:
             self.refused.append(self.aim.enu_m)
         landing = self.phase is Phase.FINAL
         self.go(Phase.HOLD if hold else Phase.CLIMB, s)
@@ -177,6 +195,31 @@ class LandingState:
             return f"point {judged.value}" + self.water_suffix(s)
         unconfirmed = self.unconfirmed(s)
         return None if unconfirmed is None else f"{unconfirmed}: not confirmed"
+
+    def follow_wind(self, s: Situation) -> None:
+        """Update heading and limit from the present wind."""
+        p = self.parameters
+        self.into_wind.follow(s.wind if p.into_wind == "on" else None)
+        self.wind_limit.follow(s.wind, p.max_wind_ms, s.now_ns)
+
+    def too_windy(self, s: Situation, urgent: bool | None = None) -> str:
+        """Return the reason against a landing while gusts exceed the limit, else "".
+
+        There is none against an urgent one (by default the landing under way), nor with a low battery.
+        """
+        gust_ms = self.wind_limit.gust_ms
+        exempt = self.is_urgent if urgent is None else urgent
+        if gust_ms is None:
+            return ""
+        reason = f"wind too strong for this point: {gust_ms:.0f} m/s"
+        return "" if exempt or self.is_battery_low(s) else reason
+
+    def report_wind(self, s: Situation) -> None:
+        """Report now and then that a landing waits for less wind."""
+        reported_ns = self._wind_reported_ns
+        if reported_ns is None or s.now_ns - reported_ns > WIND_AGAIN_NS:
+            self._wind_reported_ns = s.now_ns
+            self.say(Severity.WARNING, self.too_windy(s))
 
     @property
     def is_urgent(self) -> bool:

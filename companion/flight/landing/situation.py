@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.flight.geometry.wind import Wind
 from slz import Report, SelectedPoint, SurfaceHere, SurfaceKind
 from slz.surface.surface_kinds import UNKNOWN_SURFACE
 
@@ -58,7 +59,8 @@ class Situation:
     the failsafe. target_lost_ns: last time at which the autopilot reported the landing target lost.
     sticks_us: the pilot's roll and pitch stick, None if not seen. switched: a switch of the pilot's
     transmitter moved within the last seconds. fit: the autopilot is known to be set up for a landing.
-    heading_rad: of the nose, clockwise from north. below: surface of the ground under the vehicle.
+    heading_rad: of the nose, clockwise from north. below: surface of the ground under the vehicle. wind: None
+    while it is unknown.
     """
 
     now_ns: int
@@ -90,6 +92,7 @@ class Situation:
     fit: bool = True
     heading_rad: float | None = None
     below: SurfaceHere = UNKNOWN_SURFACE
+    wind: Wind | None = None
 
 
 @dataclass(frozen=True, slots=True)

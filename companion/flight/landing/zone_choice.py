@@ -14,13 +14,18 @@ from slz import Report, SurfaceHere, Zone
 REFUSE_WITHIN_M = 6.0
 
 
-def choose(zones: Sequence[Zone], refused_enu_m: Sequence[Vector], parameters: Parameters) -> Zone | None:
+def choose(
+    zones: Sequence[Zone], refused_enu_m: Sequence[Vector], parameters: Parameters, drift_m: float = 0.0
+) -> Zone | None:
     """Return the best ranked usable zone that needs no confirmation, or None.
 
-    Its best point must be certain enough, and not near a point refused before.
+    Its best point must be certain enough, and not near a point refused before. With a drift by gusts it
+    must be farther from the zone's edge than that and the touchdown error.
     """
+    room_m = parameters.touchdown_error_m + drift_m if drift_m else 0.0
     certainty = parameters.min_certainty
-    usable = (zone for zone in zones if _usable(zone, refused_enu_m, certainty))
+    wide = (zone for zone in zones if zone.best.clearance_m >= room_m)
+    usable = (zone for zone in wide if _usable(zone, refused_enu_m, certainty))
     return next((zone for zone in usable if not must_be_confirmed(zone.best.surface, parameters)), None)
 
 

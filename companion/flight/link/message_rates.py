@@ -65,18 +65,21 @@ def wanted(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
 
 
 def _health(autopilot: Autopilot) -> tuple[Stream, ...]:
-    """Return the streams of estimator, sticks and fence that the autopilot has."""
+    """Return the streams of estimator, sticks, fence and wind that the autopilot has."""
+    wind = Stream("WIND", mavlink.MAVLINK_MSG_ID_WIND, 2.0, needed=False)  # where it estimates one
     sticks = Stream("RC_CHANNELS", mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 5.0, needed=False)
     if autopilot == "px4":
         return (
             Stream("ESTIMATOR_STATUS", mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 5.0, needed=False),
             Stream("MANUAL_CONTROL", mavlink.MAVLINK_MSG_ID_MANUAL_CONTROL, 5.0, needed=False),
             sticks,
+            Stream("WIND_COV", mavlink.MAVLINK_MSG_ID_WIND_COV, 2.0, needed=False),
         )
     return (
         Stream("EKF_STATUS_REPORT", mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 5.0, needed=False),
         sticks,
         Stream("FENCE_STATUS", mavlink.MAVLINK_MSG_ID_FENCE_STATUS, 2.0, needed=False),
+        wind,
     )
 
 

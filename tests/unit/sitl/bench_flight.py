@@ -20,9 +20,16 @@ ORIGIN = (47.0, 8.0, 400.0)
 class Bench:
     """A flight without sockets."""
 
-    def __init__(self, errors: EstimateErrors | None = None, wind_ms: float = 3.0, seed: int = 1) -> None:
+    def __init__(
+        self,
+        errors: EstimateErrors | None = None,
+        wind_ms: float = 3.0,
+        seed: int = 1,
+        wind_from_deg: float | None = None,
+        gust_ms: float | None = None,
+    ) -> None:
         rng = np.random.default_rng(seed)
-        self.vehicle = Vehicle(rng, (0.0, 0.0, 0.0), 0.7, wind_ms)
+        self.vehicle = Vehicle(rng, (0.0, 0.0, 0.0), 0.7, wind_ms, wind_from_deg, gust_ms)
         self.autopilot = Autopilot(ORIGIN)
         self.estimator = Estimator(rng, errors or EstimateErrors.none(), self.autopilot.aiding)
         self.autopilot.add_link(0)

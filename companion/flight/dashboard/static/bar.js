@@ -8,10 +8,19 @@ const NUMBERS = [
   ["speed", "Speed", true],
   ["sink", "Climb", true],
   ["battery", "Battery", false],
+  ["wind", "Wind", true],
   ["distance", "To point", true],
   ["latency", "Report after", true],
 ];
 const LAMPS = [["link", "Autopilot"], ["lidar", "LiDAR"], ["map", "Map"], ["rec", "Recording"]];
+
+const ARROWS = ["↓", "↙", "←", "↖", "↑", "↗", "→", "↘"]; // from north, north-east, ...: where it blows, north up
+
+function windWords(wind) {
+  if (!wind) return "–";
+  const arrow = ARROWS[Math.round(wind.from_deg / 45) % 8];
+  return `${arrow} ${wind.speed_ms.toFixed(0)}–${wind.gust_ms.toFixed(0)} m/s`;
+}
 
 export class Bar {
   constructor(model, link) {
@@ -46,6 +55,7 @@ export class Bar {
     this._set("speed", v ? shown(Math.hypot(v[0], v[1]), 1, "m/s") : "–");
     this._set("sink", v ? shown(v[2], 1, "m/s") : "–");
     this._set("battery", shown(s.battery_pct, 0, "%"), s.battery_low);
+    this._set("wind", windWords(s.wind), Boolean(s.wind) && s.wind.gust_ms > (this._model.health?.parameters?.max_wind_ms ?? Infinity));
     this._set("distance", shown(away, 0, "m"));
     this._set("latency", shown(this._model.zones?.latency_ms, 0, "ms"));
     this._lamp("link", s.connected && s.heard);

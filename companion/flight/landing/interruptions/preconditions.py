@@ -42,6 +42,7 @@ class Precondition(Enum):
     OVER = "over the point"
     SINKS = "sinks"
     NO_UNASKED_SINK = "does not sink unasked"
+    WIND = "gusts up to `max_wind_ms`"
 
 
 class Reaction(Enum):
@@ -53,6 +54,7 @@ class Reaction(Enum):
     BREAK_OFF = "break off"  # guided mode, climb, next zone
     HOLD = "hold"  # stand still until the precondition holds again
     RETURN = "return"  # stop sinking and fly back over the point
+    WAIT = "wait"  # begin no landing until the precondition holds; by the phase itself
     CALL = "call"  # "take over", while still commanding the vehicle
     TELL = "tell"  # warn the pilot and go on
     NONE = "-"  # no precondition
@@ -64,7 +66,7 @@ def _row(*reactions: Reaction) -> dict[Stage, Reaction]:
 
 
 _NO, _BREAK, _CALL, _OFF = Reaction.NONE, Reaction.BREAK_OFF, Reaction.CALL, Reaction.HANDS_OFF
-_HOLD = Reaction.HOLD
+_HOLD, _WAIT = Reaction.HOLD, Reaction.WAIT
 # Columns: survey, approach, descend, final, committed, climb, hold.
 TABLE: dict[Precondition, dict[Stage, Reaction]] = {
     Precondition.ARMED: _row(Reaction.ENDS),
@@ -78,6 +80,7 @@ TABLE: dict[Precondition, dict[Stage, Reaction]] = {
     Precondition.OVER: _row(_NO, _NO, Reaction.RETURN, _BREAK, _CALL, _NO, _NO),
     Precondition.SINKS: _row(_NO, _NO, _NO, _BREAK, _CALL, _NO, _NO),
     Precondition.NO_UNASKED_SINK: _row(_CALL, _CALL, _BREAK, _NO, _NO, _CALL, _CALL),
+    Precondition.WIND: _row(_WAIT, _BREAK, _BREAK, _BREAK, _NO, _NO, _NO),
 }
 
 SECOND = 1_000_000_000
@@ -126,6 +129,7 @@ class Preconditions:
         *,
         asked_up_ms: float | None,
         off_point_m: float,
+        too_windy: str,
     ) -> Breach | None:
         """Return the first violated precondition that needs a reaction, None without one.
 
@@ -135,9 +139,13 @@ class Preconditions:
             Last commanded vertical speed, None without one.
         off_point_m
             Greatest distance from the point in the autopilot's landing; halved below the commit height.
+        too_windy
+            Text about gusts beyond the limit, "" within it.
         """
         self._follow(stage, s)
         broken = self._state(stage, s, ownership)
+        if too_windy:
+            broken[Precondition.WIND] = too_windy
         if s.velocity_enu_ms is not None and Precondition.POSITION not in broken:
             limit_m = off_point_m / 2 if stage is Stage.COMMITTED else off_point_m
             broken |= _motion(s, float(s.velocity_enu_ms[2]), asked_up_ms, aim.away_m, limit_m)
@@ -150,7 +158,8 @@ class Preconditions:
                 reaction = Reaction.STAND_BACK
             if reaction in (Reaction.CALL, Reaction.TELL) and not self._must_report(precondition, s.now_ns):
                 continue
-            if reaction not in (Reaction.NONE, Reaction.RETURN):  # the descent returns by its own steering
+            # The descent returns by its own steering, and the survey waits.
+            if reaction not in (Reaction.NONE, Reaction.RETURN, Reaction.WAIT):
                 return Breach(precondition, reaction, broken[precondition])
         return None
 

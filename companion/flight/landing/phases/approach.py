@@ -25,13 +25,14 @@ from companion.flight.landing.situation import (
     VehicleCommands,
     known,
 )
-from companion.flight.landing.touchdown_heading import stands_at, touchdown_heading_rad
+from companion.flight.landing.touchdown_heading import is_turned, stands_at, touchdown_heading_rad
 from companion.flight.landing.zone_choice import must_be_confirmed
 from slz import PointState, SurfaceHere, SurfaceKind
 
 STEADY_NS = 2 * SECOND  # point safe before the descent
 UNSEEN_NS = 30 * SECOND  # over a point that stays unknown
 WATER_NS = 5 * SECOND  # over a point that stays unknown because it may be water, after the look from aside
+TURN_NS = 15 * SECOND  # over a safe point, to turn into the wind; afterwards any safe heading will do
 OVER_M, OVER_MS = 1.0, 0.5  # distance and speed of a vehicle that is over the point
 
 
@@ -42,6 +43,7 @@ class Approach:
         self._state = state
         self._aside, self._closer = ObliqueLook(state), CloserLook(state)
         self._over_since_ns: int | None = None  # over the point, in this approach
+        self._standing_since_ns: int | None = None  # over the safe point, at a safe heading
         self._warned = False  # of the surface
 
     def start(self, s: Situation, enu_m: Vector, zone_id: int | None) -> VehicleCommands:
@@ -51,7 +53,7 @@ class Approach:
         state.aim.measure(s.position_enu_m, s.selected)
         state.tally.zone_id, state.tally.chosen_enu_m = zone_id, state.aim.enu_m
         state.selection.select(state.aim.enu_m)
-        self._over_since_ns = state.safe_since_ns = None
+        self._over_since_ns = self._standing_since_ns = state.safe_since_ns = None
         self._aside.reset()
         self._closer.reset()
         self._warned = False
@@ -85,12 +87,14 @@ class Approach:
         if look is not None:
             self._over_since_ns = s.now_ns
         stands = judged is PointState.SAFE and stands_at(s.selected, s.heading_rad)
-        if look is not None or not (over and stands):
+        turned = self._is_turned(s, look is None and over and stands)
+        if look is not None or not (over and stands and turned):
             state.safe_since_ns = None
         elif state.safe_since_ns is None:
             state.safe_since_ns = s.now_ns
         elif s.now_ns - state.safe_since_ns > STEADY_NS:
-            state.say(Severity.INFO, "descending")
+            turned = is_turned(s.selected, s.heading_rad, state.into_wind.heading_rad)
+            state.say(Severity.INFO, "descending" if turned else "descending, not into the wind")
             state.go(Phase.DESCEND, s)
         patience_ns = WATER_NS if state.may_be_water(s) else UNSEEN_NS
         unseen = self._over_since_ns is not None and s.now_ns - self._over_since_ns > patience_ns
@@ -105,8 +109,22 @@ class Approach:
             return state.route.commands_towards(position, look, min(look_ms, speed_ms))
         commands = state.route.commands_towards(position, offset, speed_ms)
         if state.aim.away_m < TURN_M and judged is PointState.SAFE:
-            return replace(commands, yaw_rad=touchdown_heading_rad(s.selected, s.heading_rad))
+            into_wind_rad = state.into_wind.heading_rad
+            return replace(commands, yaw_rad=touchdown_heading_rad(s.selected, s.heading_rad, into_wind_rad))
         return commands
+
+    def _is_turned(self, s: Situation, stands: bool) -> bool:
+        """Return whether the vehicle has its touchdown heading, or had time enough to turn to it.
+
+        stands: it is over the safe point at a heading at which its gear stands.
+        """
+        if not stands:
+            self._standing_since_ns = None
+        elif self._standing_since_ns is None:
+            self._standing_since_ns = s.now_ns
+        since_ns = self._standing_since_ns
+        late = since_ns is not None and s.now_ns - since_ns > TURN_NS
+        return late or is_turned(s.selected, s.heading_rad, self._state.into_wind.heading_rad)
 
     def _look(self, s: Situation, judged: PointState) -> tuple[Vector | None, float]:
         """Return the offset (2,) and the greatest speed of a look at the point, which it was over before."""

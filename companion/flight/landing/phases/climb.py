@@ -52,7 +52,7 @@ class Climb:
         if state.phase is Phase.HOLD or s.now_ns - state.since_ns < STEADY_NS:
             return VehicleCommands(velocity_enu_ms=STOPPED)
         state.say(Severity.INFO, "choosing again")
-        if state.request is not None:
+        if state.request is not None and not state.keeps_request:
             state.request = LandingRequest(urgent=state.request.urgent or state.is_battery_low(s))
         state.go(Phase.SURVEY, s)
         state.end_survey(s)

@@ -61,7 +61,7 @@ class Descent:
         floor = p.final_height_m - BELOW_FINAL_M - left_m
         sink = level(min(0.0, floor), p.descent_speed_ms) if stands and away_m < SINK_WITHIN_M else 0.0
         horizontal = towards(target[:2] - known(s.position_enu_m)[:2], p.approach_speed_ms)
-        heading = touchdown_heading_rad(s.selected, s.heading_rad)
+        heading = touchdown_heading_rad(s.selected, s.heading_rad, state.into_wind.heading_rad)
         return VehicleCommands(
             velocity_enu_ms=np.array([*horizontal, sink]), yaw_rad=heading, target_enu_m=target
         )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from companion.flight.landing.gust_drift import gust_drift_m
 from companion.flight.landing.interruptions.missing_input import without_lidar
 from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.looks.oblique_look import ObliqueLook
@@ -47,6 +48,10 @@ class Survey:
         if not s.lidar_ok:
             return without_lidar(state, s)
         state.outage.on_present(s.now_ns)
+        if state.too_windy(s) and (
+            self._has_lasted(s) or (state.request and state.request.enu_m is not None)
+        ):
+            return self._wait_for_less_wind(s)
         if state.request is not None and state.request.enu_m is not None:
             return self._approach.start(s, state.request.enu_m, state.request.zone_id)
         zone = self._choice(s)
@@ -72,6 +77,12 @@ class Survey:
             return VehicleCommands()
         return VehicleCommands(mode="guided", velocity_enu_ms=STOPPED)
 
+    def _wait_for_less_wind(self, s: Situation) -> VehicleCommands:
+        """Hover; the time to search for a zone begins when the wind is less."""
+        self._state.report_wind(s)
+        self._state.end_survey(s)
+        return VehicleCommands(velocity_enu_ms=STOPPED)
+
     def _choice(self, s: Situation) -> Zone | None:
         """Return the zone to fly to once the survey has lasted: a near one, else one to be looked at.
 
@@ -82,9 +93,10 @@ class Survey:
             return None
         if state.is_urgent:
             return state.soonest_zone(s)
+        drift_m = gust_drift_m(s.wind)
         return (
-            choose(s.report.zones, state.refused, p)
-            or choose(s.report.far.zones, state.refused, p)
+            choose(s.report.zones, state.refused, p, drift_m)
+            or choose(s.report.far.zones, state.refused, p, drift_m)
             or look_at(s.report, state.refused, p)
         )
 

@@ -49,6 +49,9 @@ class Waiting:
         self._tell_to_hand_over(s)
         if not self._is_ready(s):
             state.level_since_ns = None
+        elif state.too_windy(s):
+            state.level_since_ns = None
+            state.report_wind(s)
         elif state.level_since_ns is None:
             state.level_since_ns = s.now_ns
         elif s.now_ns - state.level_since_ns > STEADY_NS:

@@ -13,6 +13,7 @@ from sitl.__main__ import main
         (["--autopilot", "nonsense"], "is no autopilot's address"),
         (["--autopilot", "tcp:127.0.0.1:5762", "--pilot", "takeoff"], "--pilot means nothing"),
         (["--autopilot", "tcp:127.0.0.1:5762", "--wind", "5"], "--wind means nothing"),
+        (["--autopilot", "tcp:127.0.0.1:5762", "--wind-from", "90"], "--wind-from means nothing"),
         (["--autopilot", "tcp:127.0.0.1:5762", "--lockstep", "0"], "--lockstep means nothing"),
         (["--autopilot", "tcp:127.0.0.1:5762", "--mavlink", "udpin:0:1"], "--mavlink means nothing"),
         (["--autopilot", "tcp:127.0.0.1:5762", "--origin", "1,2"], "write LAT,LON,ALT"),

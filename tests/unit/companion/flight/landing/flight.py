@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 import params
+from companion.flight.geometry.wind import Wind
 from companion.flight.landing.executive import Executive
 from companion.flight.landing.situation import Phase, Severity, Situation, VehicleCommands
 from slz import (
@@ -103,6 +104,7 @@ class Flight:
         self.footing = ANY_FOOTING
         self.turns = True
         self.below = UNKNOWN_SURFACE
+        self.wind: Wind | None = None
         self.surface: Callable[[np.ndarray], SurfaceHere] = self.surface_of_zone
 
     @property
@@ -150,6 +152,7 @@ class Flight:
             switched=self.switched,
             heading_rad=None if self.heading_deg is None else math.radians(self.heading_deg),
             below=self.below,
+            wind=self.wind,
         )
 
     def surface_of_zone(self, point: np.ndarray) -> SurfaceHere:

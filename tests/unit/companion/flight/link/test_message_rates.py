@@ -94,6 +94,12 @@ def test_px4_is_asked_for_its_mode_and_not_for_the_heartbeat_whose_rate_is_fixed
     assert expected("ardupilot", 50.0) == wanted("ardupilot", 50.0)
 
 
+def test_each_autopilot_is_asked_for_the_wind_that_it_may_estimate() -> None:
+    for autopilot, name, number in (("ardupilot", "WIND", 168), ("px4", "WIND_COV", 231)):
+        stream = next(s for s in wanted(autopilot, 50.0) if "WIND" in s.name)  # type: ignore[arg-type]
+        assert (stream.name, stream.message_id, stream.rate_hz, stream.needed) == (name, number, 2.0, False)
+
+
 def px4_keeper() -> StreamKeeper:
     made = StreamKeeper()
     made.want(wanted("px4", 50.0))

@@ -1,0 +1,48 @@
+"""Landings in wind: into it, and not in too much of it."""
+
+import math
+
+import pytest
+
+from companion.flight.landing.situation import Phase
+from tests.e2e.harness import Mission
+
+FROM_DEG = 310.0
+
+
+def off_wind_deg(mission: Mission) -> float:
+    contact = mission.sim.touchdown
+    assert contact is not None
+    return abs(math.degrees(math.remainder(math.radians(contact["heading_deg"] - FROM_DEG), 2 * math.pi)))
+
+
+@pytest.mark.parametrize(("seed", "drag_fusion", "source"), [(1, 0.23, "autopilot"), (2, 0.0, "tilt")])
+def test_lands_into_a_wind_of_eight_metres_per_second(seed: int, drag_fusion: float, source: str) -> None:
+    blown = {"wind_ms": 8.0, "wind_from_deg": FROM_DEG, "gust_ms": 1.0}
+    mission = Mission(
+        seed=seed, simulated={**blown, "parameters": {"EK3_DRAG_MCOEF": drag_fusion}}, max_wind_ms=16.0
+    )
+
+    async def script(m: Mission) -> None:
+        await m.until_phase(Phase.LANDED)
+        await m.until(lambda: not m.sim.autopilot.armed, 10)
+
+    mission.fly(script)
+    assert mission.companion.wind.summary()["source"] == source
+    assert off_wind_deg(mission) < 15
+    assert mission.touchdown_safe()
+    assert mission.touchdown_error_m() <= 0.6
+    assert mission.companion.executive.tally.aborts == 0
+
+
+def test_waits_in_too_much_wind_and_lands_in_an_emergency() -> None:
+    mission = Mission(seed=3, simulated={"wind_ms": 8.0, "gust_ms": 1.0}, max_wind_ms=6.0)
+
+    async def script(m: Mission) -> None:
+        await m.until(lambda: any("wind too strong for this point" in text for text in m.heard))
+        assert m.phase is Phase.IDLE
+        assert m.companion.executive.land_now(m.companion.situation()).accepted
+        await m.until_phase(Phase.LANDED)
+
+    mission.fly(script)
+    assert mission.touchdown_safe()

@@ -1,0 +1,27 @@
+"""The wind in the document of the page's state."""
+
+import math
+
+import pytest
+
+import params
+from companion.flight.app import Companion
+from companion.flight.dashboard import state_document
+from companion.flight.fusion.wind_estimate import WindEstimate
+from companion.flight.geometry.wind import Wind
+from tests.integration.link_bench import on_simulated_clock
+
+
+@on_simulated_clock
+async def test_the_wind_is_shown_by_where_it_comes_from_and_unknown_is_none(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    companion = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
+    try:
+        assert state_document.state(companion)["wind"] is None
+        blowing = Wind(math.radians(359.8), 6.04, 9.26, "tilt")
+        monkeypatch.setattr(WindEstimate, "at", lambda _self, _now_ns: blowing)
+        shown = state_document.state(companion)["wind"]
+    finally:
+        companion.worker.close()
+    assert shown == {"from_deg": 0, "speed_ms": 6.0, "gust_ms": 9.3, "source": "tilt"}
