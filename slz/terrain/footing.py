@@ -32,6 +32,11 @@ class Footing:
     unseen: float = math.nan
     blocked_by: str = ""
 
+    @property
+    def is_judged(self) -> bool:
+        """Whether a map judged it, instead of one without evidence of cells."""
+        return not math.isnan(self.unseen)
+
 
 ANY_FOOTING = Footing()
 

@@ -19,6 +19,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from hashlib import blake2b
 from typing import Protocol
 
 import numpy as np
@@ -48,7 +49,7 @@ PATIENCE = 0.7  # share of that time before which no tile is derived again for i
 MORE = 4  # tiles prefaulted beyond those expected
 DERIVED_BLOCK = 512  # cells along the side of a box that is derived at a time
 MIB = 2.0**20
-MOST_FOOTINGS = 64
+MOST_FOOTINGS = 256
 BLOCK = 16  # cells along the side of what is derived again for a thin object
 State = NDArray[np.uint8]
 
@@ -103,7 +104,7 @@ class EvidenceTerrain(UnboundedTerrain):
         self._n_derived, self._new = 0, [0]
         self._thin = ThinObjects()
         self.surface: Surface | None = None
-        self._footings: dict[Box, tuple[NDArray[np.float32], Footing]] = {}  # used last at the end
+        self._footings: dict[Box, tuple[bytes, Footing]] = {}  # by digest of the cells; used last at the end
         self._oldest_s: dict[Key, float] = {}  # last seen time of the cell not seen for longest
         self._reach = reach_of(parameters, grid.cell_m)
         self.radius, self._margin = self._reach.radius, self._reach.margin
@@ -348,9 +349,9 @@ class EvidenceTerrain(UnboundedTerrain):
         box, cell_m, p = cells_within(self.grid, enu_m, error_m), self.grid.cell_m, self._parameters
         there, k = self._everywhere(box), footing_edge(self.radius, cell_m, p)
         cells = self._cells(Box(there.row0 - k, there.row1 + k, there.col0 - k, there.col1 + k))
-        before = self._footings.pop(there, None)
-        if before is None or not np.array_equal(before[0], cells, equal_nan=True):
-            before = cells, footing(cells, *box.shape, self.radius, cell_m, p)
+        before, digest = self._footings.pop(there, None), blake2b(cells.tobytes(), digest_size=16).digest()
+        if before is None or before[0] != digest:
+            before = digest, footing(cells, *box.shape, self.radius, cell_m, p)
         self._footings[there] = before
         if len(self._footings) > MOST_FOOTINGS:
             del self._footings[next(iter(self._footings))]
