@@ -41,6 +41,12 @@ class Footing:
 ANY_FOOTING = Footing()
 
 
+def judges_headings(parameters: Parameters) -> bool:
+    """Return whether gear, rotor or tail may exclude headings."""
+    p = parameters
+    return p.mode == "default" and bool(p.gear != "none" or p.rotor_diameter_m or p.tail_length_m)
+
+
 def footing_edge(radius: int, cell_m: float, parameters: Parameters) -> int:
     """Return how many cells around those of the touchdown a footing depends on: a footprint's or more."""
     discs = discs_of(parameters, cell_m)

@@ -13,7 +13,7 @@ from slz.grid import Box
 from slz.kernels.raster.distance_transform import greatest_clearance, most_certain
 from slz.landing_point.helicopter_areas import helicopter_areas
 from slz.landing_point.surroundings import ground_m, horizon_towards
-from slz.terrain.footing import Footing
+from slz.terrain.footing import ANY_FOOTING, Footing, judges_headings
 from slz.terrain.terrain_view import CellView
 from slz.zone import LandingPoint
 from slz.zones.detection import Candidate
@@ -96,6 +96,8 @@ def best_point(
 
 
 def _footing_of(among: GreatestClearance, index: int, terrain: CellView, parameters: Parameters) -> Footing:
+    if not judges_headings(parameters):  # as on the far map
+        return ANY_FOOTING
     centre = terrain.grid.centre(*among.cells[index].tolist())
     return terrain.footing_at(np.array([*centre, 0.0]), parameters.touchdown_error_m)
 

@@ -122,6 +122,19 @@ def test_a_post_behind_excludes_headings_away_from_it(bearing_deg: int, north: i
     assert judged(ground(raised=[(*place, 0.25)])).headings_deg == ALL_HEADINGS
 
 
+@pytest.mark.parametrize(("aside", "clear"), [(4, False), (11, True)])
+def test_the_tail_is_clear_at_any_yaw_at_which_the_vehicle_may_land(aside: int, clear: bool) -> None:
+    """A post 5 m behind: a tail of 6 m that misses its heading by 10 degrees meets it 0.8 m aside, not 2.2 m."""
+    long = params.load("quadcopter", [*HELICOPTER, "tail_length_m=6"])
+    edge = footing_edge(RADIUS, CELL_M, long)
+    cells = np.pad(ground(), ((0, 0), (edge - EDGE,) * 2, (edge - EDGE,) * 2), "edge")
+    middle = edge + BOX // 2
+    for to in (aside, -aside):
+        post = cells.copy()
+        post[TOP, middle - 25, middle + to] += 1.0
+        assert (0 in judged(post, long).headings_deg) is clear
+
+
 def test_a_hole_in_what_was_seen_behind_excludes_headings_too() -> None:
     found = judged(unseen(ground(), MIDDLE - 11, MIDDLE))
     assert 0 not in found.headings_deg
