@@ -26,6 +26,7 @@ PIXEL_M = 0.05
 YAW_DEG = 10.0
 TOUCHDOWNS = 2  # tried per heading
 UNSEEN = np.inf
+TIPS = math.tan(math.radians(15))  # gradient beyond which the gear does not stand
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +165,8 @@ def touches(
     stand = ground[at[:, 1], at[:, 0]]
     away = pixels - touchdown
     for a, b, c in rests(contacts, stand):
+        if math.hypot(a, b) > TIPS:  # a pad on an object between the cells' middles: the gear's matter
+            continue
         long = math.sqrt(1 + a * a + b * b)
         normal = np.array([-a, -b, 1.0]) / long
         ahead = np.array([sine, cosine, a * sine + b * cosine])

@@ -124,7 +124,7 @@ def test_a_post_behind_excludes_headings_away_from_it(bearing_deg: int, north: i
 
 @pytest.mark.parametrize(("aside", "clear"), [(4, False), (11, True)])
 def test_the_tail_is_clear_at_any_yaw_at_which_the_vehicle_may_land(aside: int, clear: bool) -> None:
-    """A post 5 m behind: a tail of 6 m that misses its heading by 10 degrees meets it 0.8 m aside, not 2.2 m."""
+    """A post 5 m behind: a tail of 6 m, 10 degrees off its heading, meets it 0.8 m aside, not 2.2 m."""
     long = params.load("quadcopter", [*HELICOPTER, "tail_length_m=6"])
     edge = footing_edge(RADIUS, CELL_M, long)
     cells = np.pad(ground(), ((0, 0), (edge - EDGE,) * 2, (edge - EDGE,) * 2), "edge")
