@@ -18,6 +18,14 @@ THESIS = "SLZ thesis Table 3"
 OURS = "this project"
 GEAR_SHARES = {"pads": (0.285, 0.285), "skids": (0.6, 0.44), "tripod": (0.6, 0.44)}  # of the footprint
 LEAST_GEAR_M = 0.1
+CELLS_AT_MOST = (
+    ("surround_m", 1000),
+    ("footprint_m", 100),
+    ("coverage_m", 100),
+    ("rotor_diameter_m", 400),
+    ("tail_length_m", 200),
+    ("d_value_m", 400),
+)
 TILT_OVER_SLOPE_DEG = 5.0  # by which a landed vehicle may tilt more than the ground slopes
 
 
@@ -183,6 +191,56 @@ class Parameters(BaseModel):
             "deg",
             OURS,
             "The landed vehicle must tilt less than this; 0 is 5 degrees more than safe_slope_deg.",
+        ),
+    ] = 0.0
+    rotor_diameter_m: Annotated[
+        float,
+        _in(0, 60),
+        Spec(
+            "SLZ_ROTOR_D_M",
+            "m",
+            OURS,
+            "Main rotor disc, or circle around all propellers; 0 judges no disc.",
+        ),
+    ] = 0.0
+    rotor_height_m: Annotated[
+        float,
+        _in(0, 30),
+        Spec("SLZ_ROTOR_H_M", "m", OURS, "Height of that disc over the plane on which the gear rests."),
+    ] = 0.0
+    rotor_clearance_m: Annotated[
+        float,
+        _in(0.02, 10),
+        Spec("SLZ_ROTOR_CLR", "m", OURS, "Least distance of obstacles from disc and tail, all around."),
+    ] = 0.3
+    tail_length_m: Annotated[
+        float,
+        _in(0, 60),
+        Spec(
+            "SLZ_TAIL_L_M", "m", OURS, "From the centre of gravity to the end of the tail; 0 judges no tail."
+        ),
+    ] = 0.0
+    tail_width_m: Annotated[
+        float, _in(0.05, 20), Spec("SLZ_TAIL_W_M", "m", OURS, "Width of the tail at its widest.")
+    ] = 0.5
+    tail_height_m: Annotated[
+        float,
+        _in(0, 30),
+        Spec(
+            "SLZ_TAIL_H_M",
+            "m",
+            OURS,
+            "Height of the tail's lowest part, its rotor or guard, over the plane on which the gear rests.",
+        ),
+    ] = 0.0
+    d_value_m: Annotated[
+        float,
+        _in(0, 100),
+        Spec(
+            "SLZ_D_VALUE_M",
+            "m",
+            OURS,
+            "D: greatest dimension with rotors turning; 0 is that of disc and tail, without these none.",
         ),
     ] = 0.0
     water_suspicion: Annotated[
@@ -539,6 +597,12 @@ class Parameters(BaseModel):
         """Tilt of the landed vehicle below which it stands safely."""
         return self.tip_limit_deg or self.safe_slope_deg + TILT_OVER_SLOPE_DEG
 
+    @property
+    def greatest_dimension_m(self) -> float:
+        """D: greatest dimension with rotors turning; 0 for a vehicle without disc, tail and D."""
+        radius_m = self.rotor_diameter_m / 2
+        return self.d_value_m or radius_m + max(radius_m, self.tail_length_m)
+
     @field_validator("*", mode="before")
     @classmethod
     def _no_truth_value(cls, value: Any) -> Any:
@@ -562,13 +626,15 @@ class Parameters(BaseModel):
                 raise ValueError(
                     f"{low} ({getattr(self, low)}) must not exceed {high} ({getattr(self, high)})"
                 )
-        for size, most in (("surround_m", 1000), ("footprint_m", 100), ("coverage_m", 100)):
+        for size, most in CELLS_AT_MOST:
             if getattr(self, size) > most * self.cell_m:
                 raise ValueError(
                     f"{size} ({getattr(self, size)}) must not exceed {most} cells of cell_m ({self.cell_m})"
                 )
         if self.mode == "default" and self.gear != "none":
             self._check_gear()
+        if self.mode == "default":
+            self._check_discs()
         if self.mode == "default" and self.angle_noise_deg > 0 and self.range_noise_m >= self.height_noise_m:
             raise ValueError(
                 f"range_noise_m ({self.range_noise_m}) must be less than height_noise_m"
@@ -591,6 +657,35 @@ class Parameters(BaseModel):
             raise ValueError(
                 f"footprint_m ({self.footprint_m}) must hold the gear: {across_m:.2f} m across with"
                 f" gear_length_m {length_m:g}, gear_width_m {width_m:g} and pad_radius_m {self.pad_radius_m}"
+            )
+
+    def _check_discs(self) -> None:
+        for name in ("rotor_diameter_m", "tail_length_m", "d_value_m"):
+            if 0 < getattr(self, name) < LEAST_GEAR_M:
+                raise ValueError(f"{name} ({getattr(self, name)}) must be 0 or at least {LEAST_GEAR_M} m")
+        length_m, width_m = self.gear_size_m
+        if 0 < self.rotor_diameter_m < max(length_m, width_m):
+            raise ValueError(
+                f"rotor_diameter_m ({self.rotor_diameter_m}) must be 0 or no less than the gear, which is"
+                f" {length_m:g} m long and {width_m:g} m wide"
+            )
+        if 0 < self.tail_length_m <= length_m / 2:
+            raise ValueError(
+                f"tail_length_m ({self.tail_length_m}) must be 0 or beyond the gear, which ends"
+                f" {length_m / 2:g} m behind the centre of gravity"
+            )
+        for size, height in (("rotor_diameter_m", "rotor_height_m"), ("tail_length_m", "tail_height_m")):
+            if getattr(self, size) > 0 and getattr(self, height) <= self.rotor_clearance_m:
+                raise ValueError(
+                    f"{height} ({getattr(self, height)}) must exceed rotor_clearance_m"
+                    f" ({self.rotor_clearance_m}), unless {size} is 0"
+                )
+        radius_m = self.rotor_diameter_m / 2
+        least_m = max(radius_m + max(radius_m, self.tail_length_m), length_m, width_m)
+        if 0 < self.d_value_m < least_m - 1e-9:
+            raise ValueError(
+                f"d_value_m ({self.d_value_m}) must be 0 or at least {least_m:g} m, the size of gear,"
+                f" rotor_diameter_m ({self.rotor_diameter_m}) and tail_length_m ({self.tail_length_m})"
             )
 
 

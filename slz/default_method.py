@@ -317,8 +317,8 @@ def far_parameters(parameters: Parameters) -> Parameters:
 
     The evidence has cells a quarter of `far_cell_m` wide, from which coarser levels are derived; a footprint
     spans three cells at least, gaps of a cell count as seen, the limit on a zone's boundary follows the cell,
-    and no gear is asked for, so that the far map finds where it is worth looking closer. What it calls safe
-    is no place to land before the near map says so too.
+    and neither gear nor rotor, tail and D are judged, so that the far map finds where it is worth looking
+    closer. What it calls safe is no place to land before the near map says so too.
     """
     p = parameters
     cell_m = max(p.far_cell_m / 2**COARSEST, p.cell_m)
@@ -330,6 +330,9 @@ def far_parameters(parameters: Parameters) -> Parameters:
             "min_boundary_points": max(1, int(p.min_boundary_points * p.cell_m / cell_m)),
             "height_noise_m": 2 * p.height_noise_m,
             "gear": "none",
+            "rotor_diameter_m": 0.0,
+            "tail_length_m": 0.0,
+            "d_value_m": 0.0,
             "memory_mb": p.memory_mb / 8,
         }
     )

@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from slz.grid import Box
 from slz.landing_point.corridors import Corridors
+from slz.landing_point.helicopter_areas import HelicopterAreas
 from slz.landing_point.obstacles import Obstacle
 from slz.lazy_fields import Lazy
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
+from slz.terrain.footing import ALL_HEADINGS
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +26,9 @@ class LandingPoint:
     source mode 1 or 0. horizon_deg: elevation angle of the highest obstacle on the way from the vehicle, NaN
     where nothing was seen. distance_m: horizontal, from the vehicle. surface: what the ground there is.
     corridors: ways in and out, None where they were not judged.
+    headings_deg: compass headings to land at; empty where gear, rotor or tail fit at none, None where the map
+    does not judge them. blocked_by: what excludes other headings, "" where none is. areas: TLOF, FATO and
+    safety area, None without D.
     """
 
     enu_m: NDArray[np.float64]
@@ -35,6 +40,19 @@ class LandingPoint:
     distance_m: float = math.nan
     surface: SurfaceHere = UNKNOWN_SURFACE
     corridors: Corridors | None = None
+    headings_deg: tuple[int, ...] | None = None
+    blocked_by: str = ""
+    areas: HelicopterAreas | None = None
+
+    @property
+    def has_no_heading(self) -> bool:
+        """Whether the vehicle can land there at no heading."""
+        return self.headings_deg == ()
+
+    @property
+    def can_land_at_any_heading(self) -> bool:
+        """Whether no heading is excluded, as far as is known."""
+        return self.headings_deg in (None, ALL_HEADINGS)
 
 
 @dataclass(frozen=True)

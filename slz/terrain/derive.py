@@ -132,15 +132,25 @@ def derive(
     return maps[:, :, :cols], states[:, :, :cols]
 
 
-def _unseen(known: Bits, height_m: NDArray[np.float32], reach: Reach, cell_m: float, p: Parameters) -> Bits:
-    """Return the footprints that hold unseen ground.
+def seen_ground(
+    known: Bits, height_m: NDArray[np.float32], reach: Reach, cell_m: float, p: Parameters
+) -> Bits:
+    """Return the cells that count as seen: those with returns, and narrow gaps between them.
 
     An object amid unseen ground must not make that ground count as seen. So cells raised above nearby ground
     close no gap, unless a safe slope leads up to them; a single cell among eight seen ones counts as seen
-    beside any. The outermost seen cells may be part water, part shore, so the rim does not count as seen.
+    beside any. Cells depend on others up to 4 gap + 2 away.
     """
     rise_m = math.tan(math.radians(p.safe_slope_deg)) * cell_m / math.sqrt(2)
     lowest, cols = minimum_filter(height_m, 2 * reach.gap + 1, rise_m), height_m.shape[1]
     level = known & ~exceeds(height_m, lowest, p.relief_m)
-    seen = known | closed(level, reach.gap, cols) | enclosed(known, cols)
-    return dilated(complement(seen, cols), reach.radius + 1, cols)
+    return known | closed(level, reach.gap, cols) | enclosed(known, cols)
+
+
+def _unseen(known: Bits, height_m: NDArray[np.float32], reach: Reach, cell_m: float, p: Parameters) -> Bits:
+    """Return the footprints that hold unseen ground.
+
+    The outermost seen cells may be part water, part shore, so the rim does not count as seen.
+    """
+    cols = height_m.shape[1]
+    return dilated(complement(seen_ground(known, height_m, reach, cell_m, p), cols), reach.radius + 1, cols)

@@ -1,4 +1,4 @@
-"""Footing of the gear around a point: safe headings, and how likely a hazard there went unseen."""
+"""Footing around a point: safe headings, why others are not, and how likely a hazard there went unseen."""
 
 from __future__ import annotations
 
@@ -9,28 +9,48 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.kernels.cells.cell_record import BOTTOM, EXCESS, HEIGHT, SPREAD, TOP, WEIGHT
+from slz.kernels.cells.cell_record import BOTTOM, EXCESS, HEIGHT, SPREAD, WEIGHT
 from slz.kernels.footprint.certainty import hazard_quarters
 from slz.kernels.footprint.rest_pose import keep_common_headings
+from slz.terrain.discs import Site, discs_of, keep_clear_headings, upper_ground
 from slz.terrain.gear import HEADING_STEP_DEG, gear_of
 
 ALL_HEADINGS = tuple(range(0, 360, HEADING_STEP_DEG))
+GEAR = "gear: tips or touches with its belly"
 
 
 @dataclass(frozen=True, slots=True)
 class Footing:
-    """Ground for the gear around a point.
+    """Ground for the gear, and room for rotor and tail, around a point.
 
-    headings_deg: compass headings at which the gear stands on every cell within the touchdown error.
-    unseen: probability that a hazard of `hazard_size_m` within a footprint there got no return; NaN where
-    unknown.
+    headings_deg: compass headings at which the gear stands, and rotor and tail are clear, on every cell
+    within the touchdown error. unseen: probability that a hazard of `hazard_size_m` within a footprint there
+    got no return; NaN where unknown. blocked_by: what excludes other headings, in words; "" where none is.
     """
 
     headings_deg: tuple[int, ...] = ALL_HEADINGS
     unseen: float = math.nan
+    blocked_by: str = ""
+
+    @property
+    def is_judged(self) -> bool:
+        """Whether a map judged it, instead of one without evidence of cells."""
+        return not math.isnan(self.unseen)
 
 
 ANY_FOOTING = Footing()
+
+
+def judges_headings(parameters: Parameters) -> bool:
+    """Return whether gear, rotor or tail may exclude headings."""
+    p = parameters
+    return p.mode == "default" and bool(p.gear != "none" or p.rotor_diameter_m or p.tail_length_m)
+
+
+def footing_edge(radius: int, cell_m: float, parameters: Parameters) -> int:
+    """Return how many cells around those of the touchdown a footing depends on: a footprint's or more."""
+    discs = discs_of(parameters, cell_m)
+    return radius if discs is None else max(radius, discs.reach + discs.margin)
 
 
 def footing(
@@ -41,22 +61,43 @@ def footing(
     Parameters
     ----------
     cells
-        (6, rows + 2 radius, cols + 2 radius) of `slz.kernels.cells.cell_statistics.summarise`.
+        (6, rows + 2 edge, cols + 2 edge) of `slz.kernels.cells.cell_statistics.summarise`; the edge is
+        `footing_edge`.
+    radius
+        Radius of a footprint, in cells.
     """
-    known = cells[WEIGHT] > 0
+    edge, discs = footing_edge(radius, cell_m, parameters), discs_of(parameters, cell_m)
+    beyond = edge - radius
+    inner = cells[:, beyond : cells.shape[1] - beyond, beyond : cells.shape[2] - beyond]
+    known = inner[WEIGHT] > 0
     side = 2 * radius + 1
     share = np.lib.stride_tricks.sliding_window_view(known, (side, side)).mean(axis=(2, 3)).min()
     unseen = float((1 - share) ** (hazard_quarters(cell_m, parameters.hazard_size_m) / 4))
     gear = gear_of(parameters, cell_m)
-    if parameters.gear == "none" or not known.any():
+    if (parameters.gear == "none" and discs is None) or not known.any():
         return Footing(unseen=unseen)
-    level = np.median(cells[HEIGHT][known])
+    level = float(np.median(inner[HEIGHT][known]))
+    noise_m = math.sqrt(float(inner[SPREAD][known].mean()))
+    around = np.ones(len(ALL_HEADINGS), np.bool_)
+    if parameters.gear != "none":
+        fits = np.ones(len(gear.contacts_m), np.bool_)
+        ground = *_ground(inner, level), inner.shape[2], radius, radius
+        keep_common_headings(ground, radius, rows, cols, cell_m, gear.contacts_m, gear.limits, noise_m, fits)
+        around = np.tile(fits, 360 // gear.period_deg)
+    blocked_by = "" if around.all() else GEAR
+    if discs is not None and around.any():
+        ground = *_ground(cells, level), cells.shape[2], edge, edge
+        site = Site(cells, ground, rows, cols, edge, radius, cell_m, noise_m)
+        in_the_way = keep_clear_headings(discs, site, gear, parameters, around)
+        blocked_by = blocked_by if in_the_way is None else in_the_way.text
+    return Footing(tuple((np.flatnonzero(around) * HEADING_STEP_DEG).tolist()), unseen, blocked_by)
+
+
+def _ground(
+    cells: NDArray[np.float32], level: float
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Return lowest, mean and highest ground over a level, flat; +inf, 0 and -inf where unknown."""
+    known = cells[WEIGHT] > 0
     lower = np.where(known, cells[BOTTOM] - level + cells[EXCESS], np.inf).astype(np.float32)
-    upper = np.where(known, cells[TOP] - level - cells[EXCESS], -np.inf).astype(np.float32)
     middle = np.where(known, cells[HEIGHT] - level, 0).astype(np.float32)
-    noise_m = math.sqrt(float(cells[SPREAD][known].mean()))
-    fits = np.ones(len(gear.contacts_m), np.bool_)
-    ground = lower.ravel(), middle.ravel(), upper.ravel(), known.shape[1], radius, radius
-    keep_common_headings(ground, radius, rows, cols, cell_m, gear.contacts_m, gear.limits, noise_m, fits)
-    around = np.tile(fits, 360 // gear.period_deg)
-    return Footing(tuple((np.flatnonzero(around) * HEADING_STEP_DEG).tolist()), unseen)
+    return lower.ravel(), middle.ravel(), upper_ground(cells, level).ravel()

@@ -13,6 +13,7 @@ from params import Parameters
 from slz.kernels.footprint.rest_pose import GearLimits
 
 HEADING_STEP_DEG = 15
+HEADING_ERROR_DEG = 10.0  # by which a landing vehicle may miss a heading, see companion.flight.landing
 MOST_OF_A_SKID = 16  # contacts
 Place = tuple[float, float]  # forward and right of the centre of gravity, m
 

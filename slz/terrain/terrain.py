@@ -19,6 +19,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Iterable, Iterator, Sequence
+from hashlib import blake2b
 from typing import Protocol
 
 import numpy as np
@@ -34,7 +35,7 @@ from slz.kernels.points.clutter import put_onto
 from slz.kernels.raster.bitmap import Bits
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 from slz.terrain.derive import CoveredCells, reach_of
-from slz.terrain.footing import Footing, footing
+from slz.terrain.footing import Footing, footing, footing_edge
 from slz.terrain.layers import LAYERS, NAMED
 from slz.terrain.terrain_maps import SAFE
 from slz.terrain.terrain_view import UnboundedTerrain, cells_within
@@ -48,6 +49,7 @@ PATIENCE = 0.7  # share of that time before which no tile is derived again for i
 MORE = 4  # tiles prefaulted beyond those expected
 DERIVED_BLOCK = 512  # cells along the side of a box that is derived at a time
 MIB = 2.0**20
+MOST_FOOTINGS = 256
 BLOCK = 16  # cells along the side of what is derived again for a thin object
 State = NDArray[np.uint8]
 
@@ -102,6 +104,7 @@ class EvidenceTerrain(UnboundedTerrain):
         self._n_derived, self._new = 0, [0]
         self._thin = ThinObjects()
         self.surface: Surface | None = None
+        self._footings: dict[Box, tuple[bytes, Footing]] = {}  # by digest of the cells; used last at the end
         self._oldest_s: dict[Key, float] = {}  # last seen time of the cell not seen for longest
         self._reach = reach_of(parameters, grid.cell_m)
         self.radius, self._margin = self._reach.radius, self._reach.margin
@@ -233,7 +236,8 @@ class EvidenceTerrain(UnboundedTerrain):
             self.pinned = frozenset()
             return
         fine_m = self.tiles.cell_m
-        reach = self._margin * 2**self.level + math.ceil(around_m / fine_m) + 1
+        cells = max(self._margin, footing_edge(self.radius, self.grid.cell_m, self._parameters))
+        reach = cells * 2**self.level + math.ceil(around_m / fine_m) + 1
         row = math.floor((enu_m[1] - self.tiles.south_m) / fine_m)
         col = math.floor((enu_m[0] - self.tiles.west_m) / fine_m)
         near = Box(row - reach, row + reach + 1, col - reach, col + reach + 1)
@@ -338,11 +342,20 @@ class EvidenceTerrain(UnboundedTerrain):
         return self._maps.states(self._everywhere(box))
 
     def footing_at(self, enu_m: NDArray[np.float64], error_m: float) -> Footing:
-        """Return the footing of the gear at a point (3,) that may be missed by an error."""
-        box = cells_within(self.grid, enu_m, error_m)
-        there, k = self._everywhere(box), self.radius
+        """Return the footing at a point (3,) that may be missed by an error.
+
+        It is computed again only where the cells that it depends on have changed.
+        """
+        box, cell_m, p = cells_within(self.grid, enu_m, error_m), self.grid.cell_m, self._parameters
+        there, k = self._everywhere(box), footing_edge(self.radius, cell_m, p)
         cells = self._cells(Box(there.row0 - k, there.row1 + k, there.col0 - k, there.col1 + k))
-        return footing(cells, *box.shape, k, self.grid.cell_m, self._parameters)
+        before, digest = self._footings.pop(there, None), blake2b(cells.tobytes(), digest_size=16).digest()
+        if before is None or before[0] != digest:
+            before = digest, footing(cells, *box.shape, self.radius, cell_m, p)
+        self._footings[there] = before
+        if len(self._footings) > MOST_FOOTINGS:
+            del self._footings[next(iter(self._footings))]
+        return before[1]
 
     def surface_at(self, enu_m: NDArray[np.float64], around_m: float) -> SurfaceHere:
         """Return what the ground within a distance of a point (3,) is."""

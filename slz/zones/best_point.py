@@ -11,10 +11,14 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.grid import Box
 from slz.kernels.raster.distance_transform import greatest_clearance, most_certain
+from slz.landing_point.helicopter_areas import helicopter_areas
 from slz.landing_point.surroundings import ground_m, horizon_towards
+from slz.terrain.footing import ANY_FOOTING, Footing, judges_headings
 from slz.terrain.terrain_view import CellView
 from slz.zone import LandingPoint
 from slz.zones.detection import Candidate
+
+OTHERS = 6  # cells tried where the first has no heading
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,8 +58,9 @@ def best_point(
     """Return the point of a zone with the greatest clearance.
 
     Among points whose clearance differs by less than half a cell, the most certain wins, then the least
-    steep, then the nearest to the vehicle. Its certainty is that of a point that may be missed by the
-    touchdown error, as of a selected point.
+    steep, then the nearest to the vehicle. Where the vehicle can land there at no heading, up to `OTHERS`
+    more are tried. Its certainty is that of a point that may be missed by the touchdown error, as of a
+    selected point.
 
     Parameters
     ----------
@@ -64,7 +69,14 @@ def best_point(
     """
     grid, (east_m, north_m) = terrain.grid, sensor_enu_m[:2].tolist()
     place = grid.west_m, grid.south_m, grid.cell_m
-    best = most_certain(among.cells, among.certainty, among.slope_deg, *place, east_m, north_m)
+    first = most_certain(among.cells, among.certainty, among.slope_deg, *place, east_m, north_m)
+    best, footing = first, _footing_of(among, first, terrain, parameters)
+    if not footing.headings_deg:
+        for other in _others(among, first):
+            found = _footing_of(among, other, terrain, parameters)
+            if found.headings_deg:
+                best, footing = other, found
+                break
     row, col = among.cells[best].tolist()
     centre = grid.centre(row, col)
     enu_m = np.array([*centre, ground_m(terrain, Box(row, row + 1, col, col + 1))])
@@ -77,4 +89,21 @@ def best_point(
         horizon_deg=horizon_towards(enu_m, sensor_enu_m, terrain, parameters),
         distance_m=math.hypot(centre[0] - east_m, centre[1] - north_m),
         surface=terrain.surface_at(enu_m, parameters.footprint_m / 2),
+        headings_deg=footing.headings_deg if footing.is_judged else None,
+        blocked_by=footing.blocked_by,
+        areas=helicopter_areas(enu_m, terrain, parameters),
     )
+
+
+def _footing_of(among: GreatestClearance, index: int, terrain: CellView, parameters: Parameters) -> Footing:
+    if not judges_headings(parameters):  # as on the far map
+        return ANY_FOOTING
+    centre = terrain.grid.centre(*among.cells[index].tolist())
+    return terrain.footing_at(np.array([*centre, 0.0]), parameters.touchdown_error_m)
+
+
+def _others(among: GreatestClearance, first: int) -> list[int]:
+    """Return the indices of other cells, spread evenly over all, the most certain first."""
+    spread = np.unique(np.linspace(0, len(among.cells) - 1, OTHERS).astype(np.intp))
+    order = spread[np.argsort(-among.certainty[spread], kind="stable")]
+    return [index for index in order.tolist() if index != first]

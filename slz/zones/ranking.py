@@ -59,9 +59,10 @@ class Ranking:
 def rank(zones: Iterable[Zone], parameters: Parameters) -> tuple[Zone, ...]:
     """Return zones with the best to land in first, each with the reason for its rank behind the one before.
 
-    Criteria, in this order: minimum certainty (`min_certainty`), a surface that needs no confirmation,
-    clearance up to `enough_m`, certainty, slope, horizon on the approach, distance. Each is quantised, so
-    that an irrelevant difference leaves the decision to the next criterion.
+    Criteria, in this order: a heading to land at, minimum certainty (`min_certainty`), a surface that needs
+    no confirmation, areas that fit by the vehicle's D, clearance up to `enough_m`, certainty, slope, horizon
+    on the approach, distance. Each is quantised, so that an irrelevant difference leaves the decision to the
+    next criterion.
     """
     return Ranking(parameters).of(list(zones))
 
@@ -93,8 +94,10 @@ def criteria(zone: Zone, parameters: Parameters) -> tuple[float, ...]:
     horizon_deg = 90.0 if math.isnan(best.horizon_deg) else max(0.0, best.horizon_deg)
     distance_m = best.distance_m if math.isfinite(best.distance_m) else 0.0
     return (
+        float(not best.has_no_heading),
         float(placed and best.certainty >= parameters.min_certainty),
         float(not best.surface.must_be_confirmed(parameters.roof, parameters.vegetation)),
+        0.0 if best.areas is None else float(best.areas.n_met),
         math.floor(min(best.clearance_m, enough) / (enough / 8)),
         math.floor(best.certainty * 20),
         -math.floor(best.slope_deg),
@@ -111,8 +114,10 @@ def criteria_text(zone: Zone, parameters: Parameters) -> tuple[str, ...]:
     unseen = math.isnan(best.horizon_deg)
     distance_m = best.distance_m if math.isfinite(best.distance_m) else 0.0
     return (
+        f"no heading: {best.blocked_by}" if best.has_no_heading else "it has a heading",
         f"certainty {best.certainty:.2f}{'' if placed else ' without height'}",
         f"{best.surface.text}: to be confirmed" if confirm else "surface needs no confirmation",
+        "" if best.areas is None else f"fits {best.areas.n_met} of 3 areas by D",
         f"clearance {best.clearance_m:.1f} m",
         f"certainty {best.certainty:.2f}",
         f"slope {best.slope_deg:.1f} deg",

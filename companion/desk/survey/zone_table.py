@@ -13,6 +13,7 @@ from shapely.geometry import MultiPolygon, mapping
 
 from companion.desk.survey.findings import Findings
 from companion.desk.survey.local_metres import Metric
+from companion.flight.outputs.footing_summary import headings_text
 from companion.flight.outputs.zone_outline import DEGREE_DECIMALS
 from slz import Zone
 
@@ -69,6 +70,9 @@ def _row(zone: Zone, metric: Metric) -> dict[str, Any]:
         "surface_probability": _number(best.surface.probability, 3),
         "water": round(best.surface.water, 3),
         "raised_m": _number(best.surface.raised_m, 2),
+        "headings": headings_text(best),
+        "blocked_by": best.blocked_by,
+        "areas": "" if best.areas is None else best.areas.text,
         "boundary_points": len(zone.boundary_cells),
         "corner_points": len(zone.corners_enu_m),
     }

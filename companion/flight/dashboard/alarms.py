@@ -21,7 +21,8 @@ def active_alarms(state: dict[str, Any], selected: dict[str, Any] | None) -> lis
     water = ": may be water" if selected is not None and selected["may_be_water"] else ""
     if selected is not None and selected["state"] == "unsafe":
         by = " (far map)" if selected["judged_by"] == "far" else ""
-        found.append(("critical", "point-unsafe", f"LANDING POINT UNSAFE{by}{water}"))
+        blocked = "" if selected["headings_deg"] else f": {selected['blocked_by']}"
+        found.append(("critical", "point-unsafe", f"LANDING POINT UNSAFE{by}{water or blocked}"))
     if not state["connected"]:
         found.append(("critical", "no-autopilot", "NO AUTOPILOT"))
     elif not state["heard"]:

@@ -32,7 +32,10 @@ class Point(BaseModel):
     slope_deg: float | None
     relief_m: float | None
     certainty: float | None
-    headings_deg: list[int] = Field(description="Headings at which the gear stands there.")
+    headings_deg: list[int] = Field(
+        description="Headings at which the gear stands there, and rotor and tail are clear."
+    )
+    blocked_by: str | None = Field(None, description="What excludes other headings.")
     unseen: float | None = Field(description="Probability that a hazard there got no return.")
     surface: str | None = Field(description="Bare ground, water, roof, low vegetation or canopy.")
     surface_probability: float | None

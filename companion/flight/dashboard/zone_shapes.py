@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from companion.flight.outputs.footing_summary import footing_summary
 from companion.flight.outputs.surface_summary import surface_summary
 from companion.flight.outputs.zone_outline import zone_polygon
 from params import Parameters
@@ -86,6 +87,7 @@ class ZoneShapes:
             "distance_m": _number(best.distance_m, 1),
             "obstacles": len(zone.obstacles),
             **surface_summary(best.surface),
+            **footing_summary(best),
             "rings": self._rings(zone, grid),
         }
 
@@ -117,6 +119,7 @@ def point(selected: SelectedPoint, parameters: Parameters) -> dict[str, Any]:
         "relief_m": _number(selected.relief_m, 2),
         "certainty": _number(selected.certainty, 4),
         "headings_deg": list(selected.footing.headings_deg),
+        "blocked_by": selected.footing.blocked_by or None,
         "unseen": _number(selected.footing.unseen, 4),
         **surface_summary(selected.surface),
         "may_be_water": selected.surface.water > parameters.water_suspicion,

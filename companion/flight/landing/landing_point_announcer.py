@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from companion.flight.landing.confirmation import surface_suffix
 from companion.flight.landing.situation import Severity
 from params import Parameters
-from slz import PointState, Report
+from slz import PointState, Report, SelectedPoint
 
 
 class LandingPointAnnouncer:
@@ -27,14 +27,21 @@ class LandingPointAnnouncer:
         same = self._said is not None and np.array_equal(self._said[0], point.enu_m)
         surface = point.surface
         water = ": may be water" if surface.water > self._parameters.water_suspicion else ""
-        kind = water or (surface.kind.word if point.state is PointState.SAFE else "")
+        reason = water or _no_heading(point)
+        kind = ":".join(reason.split(":")[:2])  # without heights and distances, which vary
+        kind = kind or (surface.kind.word if point.state is PointState.SAFE else "")
         if same and self._said is not None and self._said[1:] == (point.state, kind):
             return None
         self._said = point.enu_m, point.state, kind
         where = "" if point.zone_id is None else f" in zone {point.zone_id}"
         by = ", far map" if point.judged_by == "far" else ""
         if point.state is PointState.UNSAFE:
-            return Severity.CRITICAL, f"SLZ: landing point is UNSAFE{by}{water}"
+            return Severity.CRITICAL, f"SLZ: landing point is UNSAFE{by}{reason}"
         if point.state is PointState.UNKNOWN:
             return Severity.WARNING, f"SLZ: landing point is unknown{by}{water}"
         return Severity.NOTICE, f"SLZ: landing point is safe{where}{by}{surface_suffix(surface)}"
+
+
+def _no_heading(point: SelectedPoint) -> str:
+    """Return what keeps the vehicle from landing at any heading, after a colon; empty where it can."""
+    return "" if point.footing.headings_deg else f": {point.footing.blocked_by}"

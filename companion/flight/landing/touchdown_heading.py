@@ -6,8 +6,9 @@ import math
 
 from slz import SelectedPoint
 from slz.terrain.footing import ALL_HEADINGS
+from slz.terrain.gear import HEADING_ERROR_DEG
 
-WITHIN_DEG = 10.0  # of a heading at which the gear stands
+WITHIN_DEG = HEADING_ERROR_DEG  # of a heading at which the gear stands, and rotor and tail are clear
 
 
 def touchdown_heading_rad(

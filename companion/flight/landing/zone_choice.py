@@ -74,5 +74,5 @@ def must_be_confirmed(surface: SurfaceHere, parameters: Parameters) -> bool:
 
 def _usable(zone: Zone, refused_enu_m: Sequence[Vector], least_certainty: float) -> bool:
     far = all(np.hypot(*(zone.best.enu_m[:2] - point[:2])) > REFUSE_WITHIN_M for point in refused_enu_m)
-    certain = zone.best.certainty >= least_certainty
+    certain = zone.best.certainty >= least_certainty and not zone.best.has_no_heading
     return far and certain and bool(np.isfinite(zone.best.enu_m).all())

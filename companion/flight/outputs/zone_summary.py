@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from companion.flight.outputs.footing_summary import footing_summary
 from companion.flight.outputs.surface_summary import surface_summary
 from slz import LocalFrame, Obstacle, Report, SelectedPoint, Zone
 
@@ -26,6 +27,7 @@ def zone_summary(zone: Zone, frame: LocalFrame) -> dict[str, Any]:
         "clearance_m": round(zone.best.clearance_m, 2),
         "point_certainty": round(zone.best.certainty, 4),
         **surface_summary(zone.best.surface),
+        **footing_summary(zone.best),
         "why": zone.why,
         "lat": lat,
         "lon": lon,
@@ -60,6 +62,8 @@ def point_summary(point: SelectedPoint, frame: LocalFrame) -> dict[str, Any]:
         "alt_m": alt,
         "certainty": round(point.certainty, 4) if math.isfinite(point.certainty) else None,
         **surface_summary(point.surface),
+        "headings_deg": list(point.footing.headings_deg),
+        "blocked_by": point.footing.blocked_by or None,
         "way_in_deg": None,
         "obstacles": [],
     }

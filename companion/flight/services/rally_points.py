@@ -70,7 +70,7 @@ def _points(
     points: list[RallyPoint] = []
     for zone in zones:
         best = zone.best
-        if best.certainty < least_certainty or not all(map(math.isfinite, best.enu_m)):
+        if best.has_no_heading or best.certainty < least_certainty or not all(map(math.isfinite, best.enu_m)):
             continue
         if best.surface.must_be_confirmed(parameters.roof, parameters.vegetation):
             continue

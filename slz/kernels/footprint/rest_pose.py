@@ -66,7 +66,7 @@ def _ground_of_box(
 
 
 @kernel
-def _ground_under(
+def ground_under(
     ground: Ground, plane: Plane, north: float, east: float, pad: float, edge_m: float
 ) -> tuple[float, float, float]:
     """Return lowest, mean and highest ground under a pad, of the nearest cells where it has no return.
@@ -93,7 +93,7 @@ def _ground_under(
 
 
 @kernel
-def _upper_hull(heights: Row, first: int, stop: int, kept: Array1D[np.int64], n: int) -> int:
+def upper_hull(heights: Row, first: int, stop: int, kept: Array1D[np.int64], n: int) -> int:
     """Append those contacts of an evenly divided line that can touch the ground; return how many are kept."""
     begin = n
     for i in range(first, stop):
@@ -178,7 +178,7 @@ def _apart_m(contacts: Contacts, heading: int, line: int) -> float:
 
 
 @kernel
-def _part(contact: int, line: int) -> int:
+def part_of(contact: int, line: int) -> int:
     """Return the part of the gear that a contact belongs to: a pad, or half a skid."""
     return contact if line == 1 else 2 * (contact // line) + (2 * (contact % line) >= line)
 
@@ -190,8 +190,51 @@ def _steepest_on_lines(
     """Return the steepest plane on which a gear of lines of contacts can rest, see `steepest_rest`."""
     n = 0
     for first in range(0, len(heights), line):
-        n = _upper_hull(heights, first, first + line, kept, n)
+        n = upper_hull(heights, first, first + line, kept, n)
     return steepest_rest(contacts, heading, heights, kept, n)
+
+
+@kernel
+def contact_heights(
+    ground: Ground,
+    plane: Plane,
+    cell_m: float,
+    contacts: Contacts,
+    heading: int,
+    limits: GearLimits,
+    noise_m: float,
+    scratch: Scratch,
+) -> int:
+    """Write the mean, lowest and highest ground under each contact to the scratch arrays.
+
+    Return the parts of the gear at an edge that must be tried at both sides, a bit each; -1 where a contact
+    has no ground. Lowest and highest differ from the mean at edges only.
+    """
+    count, line = contacts.shape[1], int(limits[A_LINE])
+    height, low, high, _ = scratch
+    edges = 0
+    rise_m = abs(plane[1]) + abs(plane[2])  # of the plane within a cell
+    edge_m = math.hypot(EDGE_SIGMAS * noise_m, rise_m)
+    for i in range(count):
+        east, north = contacts[heading, i, 0] / cell_m, contacts[heading, i, 1] / cell_m
+        least, mean, most = ground_under(ground, plane, north, east, limits[A_PAD] / cell_m, edge_m)
+        if np.isnan(mean):
+            return -1
+        level = plane[0] + plane[1] * east + plane[2] * north
+        height[i], low[i], high[i] = level + mean, level + mean, level + mean
+        if most - least > edge_m:
+            low[i], high[i] = level + least, level + most
+            edges |= 1 << part_of(i, line)
+    return edges if line == 1 or cell_m <= FINE * _apart_m(contacts, heading, line) else 0
+
+
+@kernel
+def put_at_edges(scratch: Scratch, sides: int, line: int) -> None:
+    """Write the heights of the contacts at edges: upper side for the parts in `sides`, else the lower one."""
+    height, low, high, _ = scratch
+    for i in range(len(height)):
+        if low[i] < high[i]:
+            height[i] = high[i] if sides >> part_of(i, line) & 1 else low[i]
 
 
 @kernel
@@ -214,30 +257,18 @@ def gradient_at(
     noise_m
         Standard deviation of the height of one return.
     """
-    count, line = contacts.shape[1], int(limits[A_LINE])
-    (height, low, high, kept), edges = scratch, 0
-    rise_m = abs(plane[1]) + abs(plane[2])  # of the plane within a cell
-    edge_m = math.hypot(EDGE_SIGMAS * noise_m, rise_m)
-    for i in range(count):
-        east, north = contacts[heading, i, 0] / cell_m, contacts[heading, i, 1] / cell_m
-        least, mean, most = _ground_under(ground, plane, north, east, limits[A_PAD] / cell_m, edge_m)
-        if np.isnan(mean):
-            return np.inf
-        level = plane[0] + plane[1] * east + plane[2] * north
-        height[i], low[i], high[i] = level + mean, level + mean, level + mean
-        if most - least > edge_m:
-            low[i], high[i] = level + least, level + most
-            edges |= 1 << _part(i, line)
+    line, (height, _, _, kept) = int(limits[A_LINE]), scratch
+    edges = contact_heights(ground, plane, cell_m, contacts, heading, limits, noise_m, scratch)
+    if edges < 0:
+        return np.inf
     rest = _steepest_on_lines(contacts, heading, height, kept, line)
     if rest[0] < 0 or not _is_clear(ground, cell_m, limits, rest):
         return np.inf
     gradient = rest[0]
-    if edges != 0 and (line == 1 or cell_m <= FINE * _apart_m(contacts, heading, line)):
+    if edges != 0:
         for sides in range(1 << PARTS):  # a bit for each part: at the upper side of its edges
             if sides & ~edges == 0 and gradient <= limits[A_GRADIENT]:
-                for i in range(count):
-                    if low[i] < high[i]:
-                        height[i] = high[i] if sides >> _part(i, line) & 1 else low[i]
+                put_at_edges(scratch, sides, line)
                 gradient = max(gradient, _steepest_on_lines(contacts, heading, height, kept, line)[0])
     return gradient
 
@@ -263,7 +294,7 @@ def _least_gradient(
 
 
 @kernel
-def _plane_of(ground: Ground, radius: int) -> Plane:
+def plane_of(ground: Ground, radius: int) -> Plane:
     """Return the least-squares plane of the mean heights of a footprint; NaN without one."""
     lower, middle, _, wide, row, col = ground
     n = sx = sy = sz = sxx = sxy = syy = sxz = syz = 0.0
@@ -384,7 +415,7 @@ def keep_common_headings(
     for r in range(row, row + rows):
         for c in range(col, col + cols):
             here = lower, middle, upper, wide, r, c
-            plane = _plane_of(here, radius)
+            plane = plane_of(here, radius)
             for heading in range(contacts.shape[0]):
                 if fits[heading]:
                     gradient = gradient_at(here, plane, cell_m, contacts, heading, limits, noise_m, scratch)

@@ -161,3 +161,48 @@ def test_every_profiles_limits_agree_with_its_gear(profile: str) -> None:
     p = params.load(profile)
     assert p.gear == "none" or p.safe_slope_deg <= p.greatest_tilt_deg
     assert p.gear == "none" or p.relief_m <= p.clearance_m
+
+
+# ---- disc, tail and D -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "name", ["rotor_diameter_m", "rotor_height_m", "tail_length_m", "tail_width_m", "d_value_m"]
+)
+@pytest.mark.parametrize("value", ["nan", "-1", "inf"])
+def test_sizes_of_disc_and_tail_that_are_no_sizes_are_refused(name: str, value: str) -> None:
+    with pytest.raises(ParameterError, match=f"parameter {name} = '{value}' is refused"):
+        params.load("helicopter", [f"{name}={value}"])
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ("rotor_diameter_m=0.05", r"rotor_diameter_m \(0\.05\) must be 0 or at least 0\.1 m"),
+        ("d_value_m=0.05", r"d_value_m \(0\.05\) must be 0 or at least 0\.1 m"),
+        (
+            "rotor_diameter_m=2.5",
+            r"rotor_diameter_m \(2\.5\) must be 0 or no less than the gear, which is 3 m",
+        ),
+        ("tail_length_m=1.4", r"tail_length_m \(1\.4\) must be 0 or beyond the gear, which ends 1\.5 m"),
+        ("rotor_height_m=0.2", r"rotor_height_m \(0\.2\) must exceed rotor_clearance_m \(0\.3\)"),
+        ("tail_height_m=0.3", r"tail_height_m \(0\.3\) must exceed rotor_clearance_m \(0\.3\)"),
+        ("d_value_m=11", r"d_value_m \(11\.0\) must be 0 or at least 11\.7 m"),
+        ("cell_m=0.02", "cell_m"),
+    ],
+)
+def test_a_disc_a_tail_and_a_d_that_contradict_the_vehicle_are_refused(setting: str, words: str) -> None:
+    with pytest.raises(ParameterError, match=words):
+        params.load("helicopter", [setting])
+
+
+def test_d_is_that_of_disc_and_tail_where_it_is_not_given() -> None:
+    assert params.load("quadcopter").greatest_dimension_m == 0
+    assert params.load("helicopter", ["d_value_m=0"]).greatest_dimension_m == pytest.approx(11.7)
+    assert params.load("helicopter", ["d_value_m=12.5"]).greatest_dimension_m == 12.5
+    hexacopter = params.load("quadcopter", ["rotor_diameter_m=1.4", "rotor_height_m=0.4"])
+    assert hexacopter.greatest_dimension_m == pytest.approx(1.4)
+
+
+def test_source_mode_judges_no_disc() -> None:
+    params.load("helicopter", ["mode=source", "rotor_height_m=0.1"])

@@ -18,7 +18,7 @@ NUMBERS = (
     "point_certainty", "point_slope_deg", "clearance_m", "surface_probability", "water", "raised_m",
 )  # fmt: skip
 COUNTS = ("id", "rank", "boundary_points", "corner_points", "obstacles")
-TEXTS = ("surface", "why")
+TEXTS = ("surface", "headings", "blocked_by", "areas", "why")
 FIELDS = (*COUNTS, *NUMBERS, *TEXTS)
 Degrees = tuple[float, float, float, float]
 

@@ -14,6 +14,7 @@ from shapely.geometry import MultiPolygon
 
 from companion.desk.survey.tiled import array_file
 from slz import Box, SurfaceHere, SurfaceKind, Zone
+from slz.landing_point.helicopter_areas import HelicopterAreas
 from slz.zone import LandingPoint
 
 NUMBERS = (
@@ -77,6 +78,14 @@ def _surface(told: dict[str, Any]) -> SurfaceHere:
     return SurfaceHere(**told | {"kind": SurfaceKind(told["kind"])})
 
 
+def _headings(told: list[int] | None) -> tuple[int, ...] | None:
+    return None if told is None else tuple(told)
+
+
+def _areas(told: dict[str, Any] | None) -> HelicopterAreas | None:
+    return None if told is None else HelicopterAreas(**told)
+
+
 def _found(number: int, arrays: dict[str, NDArray[Any]], told: dict[str, Any]) -> DescribedZone:
     fields: dict[str, Any] = {name: told[name] for name in NUMBERS}
     fields |= {name: arrays[f"{number} {name}"] for name in ARRAYS}
@@ -86,7 +95,12 @@ def _found(number: int, arrays: dict[str, NDArray[Any]], told: dict[str, Any]) -
         obstacles=(),
         best=LandingPoint(
             enu_m=arrays[f"{number} best"],
-            **told["best"] | {"surface": _surface(told["best"]["surface"])},
+            **told["best"]
+            | {
+                "surface": _surface(told["best"]["surface"]),
+                "headings_deg": _headings(told["best"]["headings_deg"]),
+                "areas": _areas(told["best"]["areas"]),
+            },
         ),
     )
     east, north = told["square_centre_m"]

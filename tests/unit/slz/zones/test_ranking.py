@@ -16,6 +16,8 @@ from scipy import ndimage
 
 import params
 from slz import Pipeline, Report, SurfaceHere, SurfaceKind, Zone
+from slz.landing_point.helicopter_areas import HelicopterAreas
+from slz.terrain.footing import ALL_HEADINGS
 from slz.zones.ranking import criteria, criteria_text, enough_m, rank
 from tests.unit.companion.flight.landing.flight import zone as bare_zone
 from tests.unit.slz.hand_made import NOWHERE, returns, window
@@ -41,12 +43,24 @@ def ids(zones: tuple[Zone, ...]) -> list[int]:
 
 # what decides; better; worse; what it says of the worse one
 DECIDES = [
+    (
+        "heading",
+        {"headings_deg": ALL_HEADINGS},
+        {"headings_deg": (), "blocked_by": "rotor: 3.4 m high at 5.0 m"},
+        "no heading: rotor: 3.4 m high at 5.0 m, zone 2 has a heading",
+    ),
     ("certain enough", {"certainty": 0.861}, {"certainty": 0.855}, "certainty 0.85, zone 2 0.86"),
     (
         "surface",
         {"surface": BARE},
         {"surface": ROOF},
         "roof, 25 m up: to be confirmed, zone 2 needs no confirmation",
+    ),
+    (
+        "areas",
+        {"areas": HelicopterAreas(11.7, "", "", "not seen at 9.0 m")},
+        {"areas": HelicopterAreas(11.7, "", "slope 6 deg at 5.0 m", "not seen at 9.0 m")},
+        "fits 1 of 3 areas by D, zone 2 2 of 3 areas by D",
     ),
     ("clearance", {"clearance_m": 5.2}, {"clearance_m": 4.9}, "clearance 4.9 m, zone 2 5.2 m"),
     ("certainty", {"certainty": 0.96}, {"certainty": 0.94}, "certainty 0.94, zone 2 0.96"),
@@ -69,7 +83,7 @@ def test_each_criterion_decides_and_says_so(
 ORDERED = [
     (first, second)
     for first, second in combinations(range(len(DECIDES)), 2)
-    if (first, second) != (0, 3)  # the certainty of a zone is one number
+    if (first, second) != (1, 5)  # the certainty of a zone is one number
 ]
 
 

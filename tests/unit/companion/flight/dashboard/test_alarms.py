@@ -23,7 +23,13 @@ QUIET: dict[str, Any] = {
     "pipeline_failed": False,
     "blocked": False,
 }
-SAFE = {"state": "safe", "judged_by": "near", "may_be_water": False}
+SAFE: dict[str, Any] = {
+    "state": "safe",
+    "judged_by": "near",
+    "may_be_water": False,
+    "headings_deg": [0],
+    "blocked_by": None,
+}
 
 
 def keys(state: dict[str, Any], selected: dict[str, Any] | None = None) -> list[str]:
@@ -51,11 +57,15 @@ def test_a_point_that_nobody_has_seen_is_a_warning() -> None:
     [
         ({"state": "unsafe"}, "LANDING POINT UNSAFE"),
         ({"state": "unsafe", "may_be_water": True}, "LANDING POINT UNSAFE: may be water"),
+        (
+            {"state": "unsafe", "headings_deg": [], "blocked_by": "rotor: 3.4 m high at 5.0 m"},
+            "LANDING POINT UNSAFE: rotor: 3.4 m high at 5.0 m",
+        ),
         ({"state": "unknown"}, "Landing point not judged: nothing seen there"),
         ({"state": "unknown", "may_be_water": True}, "Landing point not judged: may be water"),
     ],
 )
-def test_a_point_that_may_be_water_is_called_so(selected: dict[str, Any], text: str) -> None:
+def test_the_reason_is_told_with_the_state(selected: dict[str, Any], text: str) -> None:
     assert [alarm["text"] for alarm in active_alarms(QUIET, SAFE | selected)] == [text]
 
 

@@ -11,6 +11,7 @@ from companion.flight.landing.landing_point_announcer import LandingPointAnnounc
 from companion.flight.landing.situation import Severity
 from slz import PointState, Report, SurfaceHere, SurfaceKind
 from slz.landing_point.judgement import unknown
+from slz.terrain.footing import Footing
 from tests.unit.companion.flight.landing.flight import Flight
 
 BARE, ROOF = SurfaceHere(SurfaceKind.BARE, 0.9), SurfaceHere(SurfaceKind.ROOF, 0.99, raised_m=25.2)
@@ -78,3 +79,22 @@ def test_suspected_water_is_the_reason_of_an_unknown_point() -> None:
     assert news == (Severity.WARNING, "SLZ: landing point is unknown: may be water")
     news = announcer.update(report(PointState.UNSAFE, surface=LAKE))
     assert news == (Severity.CRITICAL, "SLZ: landing point is UNSAFE: may be water")
+
+
+def test_what_keeps_the_vehicle_from_every_heading_is_told_without_its_numbers_repeated() -> None:
+    announcer = LandingPointAnnouncer(params.build({}))
+    told = []
+    for blocked_by in (
+        "tail: 1.2 m high at 4.0 m",
+        "tail: 1.3 m high at 4.1 m",
+        "rotor: unseen ground at 5.0 m",
+    ):
+        found = report(PointState.UNSAFE)
+        assert found.selected is not None
+        point = replace(found.selected, footing=Footing((), 0.0, blocked_by))
+        told.append(announcer.update(replace(found, selected=point)))
+    assert told == [
+        (Severity.CRITICAL, "SLZ: landing point is UNSAFE: tail: 1.2 m high at 4.0 m"),
+        None,
+        (Severity.CRITICAL, "SLZ: landing point is UNSAFE: rotor: unseen ground at 5.0 m"),
+    ]

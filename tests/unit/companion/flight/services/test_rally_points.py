@@ -14,7 +14,7 @@ import params
 from companion.flight.link.mission_protocol import RALLY, RallyPoint
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.services.rally_points import Rally, apart_m, best_points, moved
-from slz import LocalFrame, SurfaceHere, SurfaceKind
+from slz import LandingPoint, LocalFrame, SurfaceHere, SurfaceKind
 from slz.surface.surface_kinds import UNKNOWN_SURFACE
 from tests.unit.companion.flight.link.messages import received
 
@@ -225,7 +225,7 @@ def zone(
     east: float, up: float = 2.2, certainty: float = 0.95, surface: SurfaceHere = UNKNOWN_SURFACE
 ) -> Any:
     enu_m = np.array([east, 0.0, up])
-    return SimpleNamespace(best=SimpleNamespace(enu_m=enu_m, certainty=certainty, surface=surface))
+    return SimpleNamespace(best=LandingPoint(enu_m, 2.0, 4.0, 1.0, certainty, surface=surface))
 
 
 def report(*zones: Any) -> Any:

@@ -20,7 +20,7 @@ from companion.flight.link.wire.signing import MARGIN_TICKS, Signing, wall_ticks
 from companion.flight.services.services import RALLY_FILE, SIGNING_FILE, Services, start_signing
 from companion.flight.services.settings import Settings
 from companion.runtime.state_directory import StateDir
-from slz import LocalFrame, SurfaceHere
+from slz import LandingPoint, LocalFrame, SurfaceHere
 
 
 def test_signing_goes_on_from_the_timestamp_that_was_kept(tmp_path: Path) -> None:
@@ -70,7 +70,7 @@ def services(
 
 
 def report() -> Any:
-    best = SimpleNamespace(enu_m=np.zeros(3), certainty=0.99, surface=SurfaceHere())
+    best = LandingPoint(np.zeros(3), 2.0, 4.0, 1.0, 0.99, surface=SurfaceHere())
     return SimpleNamespace(
         frame=LocalFrame(47.0, 8.0, 400.0), near=SimpleNamespace(zones=(SimpleNamespace(best=best),))
     )
