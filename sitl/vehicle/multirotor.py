@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.compilation import kernel_for_any_types
-from sitl.vehicle.ground_effect import ground_effect
+from sitl.vehicle.ground_effect import ROTOR_OVER_FEET_M, ground_effect
 from sitl.vehicle.rigid_body import State, from_euler, multiply, rotate, to_euler
 from sitl.vehicle.wind_field import WindField
 
@@ -131,7 +131,7 @@ class Vehicle:
             demand, ground_z_m = (np.zeros(3), 0.0), self._clear_ground_m
         rates, thrust = demand
         before = self._x.copy()
-        wind = self.wind.advance(dt_s, float(self._x[2]) - ground_z_m)
+        wind = self.wind.advance(dt_s, float(self._x[2]) - ground_z_m + ROTOR_OVER_FEET_M)
         standing, lifted = _step(self._x, rates, thrust, dt_s, ground_z_m, wind)
         if self.collision is None:
             self._note(now_ns, before, standing, lifted, float(self._x[2]) - ground_z_m)
