@@ -3,6 +3,7 @@
 from slz.adaptive import Choice
 from slz.frame import LocalFrame
 from slz.grid import Box, Grid
+from slz.landing_point.corridors import Corridors
 from slz.landing_point.judgement import PointState, SelectedPoint
 from slz.landing_point.local_heights import Nearby
 from slz.landing_point.obstacles import Obstacle
@@ -21,6 +22,7 @@ __all__ = [
     "UNSAFE",
     "Box",
     "Choice",
+    "Corridors",
     "Drawn",
     "DrawnTile",
     "Grid",

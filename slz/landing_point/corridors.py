@@ -22,7 +22,7 @@ from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 from slz.terrain.terrain_view import TerrainView
 
 BEARINGS = 72
-STEP_DEG = 360 / BEARINGS
+STEP_DEG = 360 // BEARINGS
 SLOPES_DEG = 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0  # judged beside the least that the vehicle flies
 SPREAD = 0.1  # a corridor widens to each side by 10 % of the distance (ICAO Annex 14 II, table 4-1, by day)
 NEAR_M = 30.0  # tops up to here are those of the near map
@@ -50,6 +50,18 @@ class Corridors:
     def overhead(self) -> int:
         """State of the air straight above the point."""
         return int(self.states[:, -1].min())
+
+    @property
+    def state(self) -> int:
+        """State of the best way: clear where any is, blocked where all are."""
+        if (self.states == SAFE).any():
+            return int(SAFE)
+        return int(UNKNOWN) if (self.states == UNKNOWN).any() else int(UNSAFE)
+
+    @property
+    def bearings_deg(self) -> tuple[int, ...]:
+        """Bearings from the point at which a corridor less steep than straight up is clear."""
+        return tuple((np.flatnonzero((self.states[:, :-1] == SAFE).any(axis=1)) * STEP_DEG).tolist())
 
     @property
     def clear_deg(self) -> NDArray[np.float64]:
@@ -81,7 +93,7 @@ def corridors(
     tangents, obstacles = np.zeros(BEARINGS), np.full((BEARINGS, 3), np.nan)
     if not is_known(enu_m):
         return Corridors(enu_m, slopes_deg, states, np.full(BEARINGS, np.nan), obstacles)
-    radius_m = p.footprint_m / 2 + p.touchdown_error_m + p.corridor_margin_m
+    radius_m = max(p.footprint_m, p.greatest_dimension_m) / 2 + p.touchdown_error_m + p.corridor_margin_m
     floor_m, high_m = float(enu_m[2]) + p.relief_m, p.survey_height_m * CEILING
     reach_m = min(p.corridor_m, (high_m / slopes[0] + radius_m) * (1 + SPREAD))
     for terrain, to_m in ((near, min(NEAR_M, reach_m)), (far, reach_m)):

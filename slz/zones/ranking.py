@@ -8,7 +8,10 @@ from collections.abc import Iterable
 
 from params import Parameters
 from slz.frame import is_known
-from slz.zone import Zone
+from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
+from slz.zone import LandingPoint, Zone
+
+WAY_WORDS = {int(SAFE): "clear", int(UNKNOWN): "unseen", int(UNSAFE): "blocked"}
 
 Entry = tuple[tuple[float, ...], Zone]  # ranking criteria of a zone, and the zone
 
@@ -60,9 +63,9 @@ def rank(zones: Iterable[Zone], parameters: Parameters) -> tuple[Zone, ...]:
     """Return zones with the best to land in first, each with the reason for its rank behind the one before.
 
     Criteria, in this order: a heading to land at, minimum certainty (`min_certainty`), a surface that needs
-    no confirmation, areas that fit by the vehicle's D, clearance up to `enough_m`, certainty, slope, horizon
-    on the approach, distance. Each is quantised, so that an irrelevant difference leaves the decision to the
-    next criterion.
+    no confirmation, areas that fit by the vehicle's D, a way in that is clear,
+    clearance up to `enough_m`, certainty, slope, horizon on the approach, distance. Each is quantised, so
+    that an irrelevant difference leaves the decision to the next criterion.
     """
     return Ranking(parameters).of(list(zones))
 
@@ -87,6 +90,10 @@ def enough_m(parameters: Parameters) -> float:
     return max(parameters.min_square_m, 4 * parameters.footprint_m)
 
 
+def _way_in(best: LandingPoint) -> int:
+    return int(UNKNOWN) if best.corridors is None else best.corridors.state
+
+
 def criteria(zone: Zone, parameters: Parameters) -> tuple[float, ...]:
     """Return the quantised ranking criteria of a zone, the most important first; greater is better."""
     best, enough = zone.best, enough_m(parameters)
@@ -98,6 +105,7 @@ def criteria(zone: Zone, parameters: Parameters) -> tuple[float, ...]:
         float(placed and best.certainty >= parameters.min_certainty),
         float(not best.surface.must_be_confirmed(parameters.roof, parameters.vegetation)),
         0.0 if best.areas is None else float(best.areas.n_met),
+        float(_way_in(best) == SAFE),
         math.floor(min(best.clearance_m, enough) / (enough / 8)),
         math.floor(best.certainty * 20),
         -math.floor(best.slope_deg),
@@ -118,6 +126,7 @@ def criteria_text(zone: Zone, parameters: Parameters) -> tuple[str, ...]:
         f"certainty {best.certainty:.2f}{'' if placed else ' without height'}",
         f"{best.surface.text}: to be confirmed" if confirm else "surface needs no confirmation",
         "" if best.areas is None else f"fits {best.areas.n_met} of 3 areas by D",
+        f"way in {WAY_WORDS[_way_in(best)]}",
         f"clearance {best.clearance_m:.1f} m",
         f"certainty {best.certainty:.2f}",
         f"slope {best.slope_deg:.1f} deg",

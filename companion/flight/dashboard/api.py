@@ -21,6 +21,16 @@ class Alarm(BaseModel):
     text: str
 
 
+class Corridors(BaseModel):
+    """Ways in and out of a point."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    state: Literal["clear", "blocked", "unknown"] = Field(description="Of the best way.")
+    overhead: Literal["clear", "blocked", "unknown"] = Field(description="Straight down.")
+    clear_deg: list[int] = Field(description="Bearings from the point at which a slope is clear.")
+
+
 class Point(BaseModel):
     """Selected landing point."""
 
@@ -36,6 +46,7 @@ class Point(BaseModel):
         description="Headings at which the gear stands there, and rotor and tail are clear."
     )
     blocked_by: str | None = Field(None, description="What excludes other headings.")
+    corridors: Corridors | None = Field(None, description="Ways in and out; none where they were not judged.")
     unseen: float | None = Field(description="Probability that a hazard there got no return.")
     surface: str | None = Field(description="Bare ground, water, roof, low vegetation or canopy.")
     surface_probability: float | None

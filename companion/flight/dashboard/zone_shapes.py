@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from companion.flight.outputs.corridor_summary import corridor_summary
 from companion.flight.outputs.footing_summary import footing_summary
 from companion.flight.outputs.surface_summary import surface_summary
 from companion.flight.outputs.zone_outline import zone_polygon
@@ -88,6 +89,7 @@ class ZoneShapes:
             "obstacles": len(zone.obstacles),
             **surface_summary(best.surface),
             **footing_summary(best),
+            **corridor_summary(best.corridors),
             "rings": self._rings(zone, grid),
         }
 
@@ -120,6 +122,7 @@ def point(selected: SelectedPoint, parameters: Parameters) -> dict[str, Any]:
         "certainty": _number(selected.certainty, 4),
         "headings_deg": list(selected.footing.headings_deg),
         "blocked_by": selected.footing.blocked_by or None,
+        **corridor_summary(selected.corridors),
         "unseen": _number(selected.footing.unseen, 4),
         **surface_summary(selected.surface),
         "may_be_water": selected.surface.water > parameters.water_suspicion,

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from companion.flight.outputs.corridor_summary import corridor_summary
 from companion.flight.outputs.footing_summary import footing_summary
 from companion.flight.outputs.surface_summary import surface_summary
 from slz import LocalFrame, Obstacle, Report, SelectedPoint, Zone
@@ -28,6 +29,7 @@ def zone_summary(zone: Zone, frame: LocalFrame) -> dict[str, Any]:
         "point_certainty": round(zone.best.certainty, 4),
         **surface_summary(zone.best.surface),
         **footing_summary(zone.best),
+        **corridor_summary(zone.best.corridors),
         "why": zone.why,
         "lat": lat,
         "lon": lon,
@@ -64,6 +66,7 @@ def point_summary(point: SelectedPoint, frame: LocalFrame) -> dict[str, Any]:
         **surface_summary(point.surface),
         "headings_deg": list(point.footing.headings_deg),
         "blocked_by": point.footing.blocked_by or None,
+        **corridor_summary(point.corridors),
         "way_in_deg": None,
         "obstacles": [],
     }

@@ -1,6 +1,6 @@
 // What is picked, what is under watch, and the orders.
 
-import { byId, el, headings, percent, setClass, shown, valueOf } from "./dom.js";
+import { byId, el, headings, percent, setClass, shown, valueOf, ways } from "./dom.js";
 import { STATE_STYLE, SURE_WORDS, surfaceWords } from "./zones.js";
 
 const NEAR_M = 0.05; // the point under watch is the picked one
@@ -130,6 +130,7 @@ export class Choice {
           ["Point", percent(zone.point_certainty, 1)],
           ["Distance", shown(this._away(zone.best), 0, "m")],
           ["Obstacles", String(zone.obstacles)],
+          ...(zone.corridors ? [["Ways in", ways(zone.corridors), "wide"]] : []),
           ...(zone.headings_deg ? [["Headings", headings(zone.headings_deg)]] : []),
           ...(zone.blocked_by ? [["Blocked by", zone.blocked_by, "wide"]] : []),
           ...(zone.areas ? [["Areas", zone.areas, "wide"]] : []),
@@ -169,6 +170,7 @@ export class Choice {
         ["Relief", shown(point.relief_m, 2, "m")],
         ["Square", shown(zone?.square_m, 1, "m")],
         ["Way in", point.way_in_deg === null ? "–" : `${String(point.way_in_deg).padStart(3, "0")}°`],
+        ...(point.corridors ? [["Ways in", ways(point.corridors), "wide"]] : []),
         ["Headings", headings(point.headings_deg ?? [])],
         ...(point.blocked_by ? [["Blocked by", point.blocked_by, "wide"]] : []),
         ["Unseen", percent(point.unseen ?? null, 1)],

@@ -51,6 +51,13 @@ export function headings(safe, step = 15) {
     .join(", ");
 }
 
+/** Clear ways in to a point: by bearing from it, 5° apart, and straight down. */
+export function ways(corridors) {
+  const down = corridors.overhead === "clear" ? "straight down" : `straight down ${corridors.overhead}`;
+  if (corridors.state !== "clear") return corridors.state;
+  return `${headings(corridors.clear_deg, 5)}; ${down}`;
+}
+
 /** A round value of a layer with the sign of its unit. */
 export const amount = (value, unit) => (unit === "probability" ? `${100 * value} %` : unit === "degree" ? `${value}°` : `${value} ${unit}`);
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 import params
-from slz import Pipeline, Report, SurfaceHere, SurfaceKind, Zone
+from slz import SAFE, UNKNOWN, UNSAFE, Corridors, Pipeline, Report, SurfaceHere, SurfaceKind, Zone
 from slz.landing_point.helicopter_areas import HelicopterAreas
 from slz.terrain.footing import ALL_HEADINGS
 from slz.zones.ranking import criteria, criteria_text, enough_m, rank
@@ -25,6 +25,12 @@ from tests.unit.slz.hand_made import NOWHERE, returns, window
 Floats = NDArray[np.float64]
 P = params.load("quadcopter")  # enough is four footprints: 8 m, in steps of 1 m
 BARE, ROOF = SurfaceHere(SurfaceKind.BARE, 0.9), SurfaceHere(SurfaceKind.ROOF, 0.99, raised_m=25.2)
+WAYS = {
+    state: Corridors(
+        np.zeros(3), (90.0,), np.full((72, 1), state, np.uint8), np.zeros(72), np.full((72, 3), np.nan)
+    )
+    for state in (SAFE, UNKNOWN, UNSAFE)
+}
 CROP = SurfaceHere(SurfaceKind.LOW_VEGETATION, 0.9)
 
 
@@ -62,6 +68,13 @@ DECIDES = [
         {"areas": HelicopterAreas(11.7, "", "slope 6 deg at 5.0 m", "not seen at 9.0 m")},
         "fits 1 of 3 areas by D, zone 2 2 of 3 areas by D",
     ),
+    (
+        "way in",
+        {"corridors": WAYS[SAFE]},
+        {"corridors": None},
+        "way in unseen, zone 2 in clear",
+    ),
+    ("way in", {"corridors": WAYS[SAFE]}, {"corridors": WAYS[UNSAFE]}, "way in blocked, zone 2 in clear"),
     ("clearance", {"clearance_m": 5.2}, {"clearance_m": 4.9}, "clearance 4.9 m, zone 2 5.2 m"),
     ("certainty", {"certainty": 0.96}, {"certainty": 0.94}, "certainty 0.94, zone 2 0.96"),
     ("slope", {"slope_deg": 1.9}, {"slope_deg": 2.1}, "slope 2.1 deg, zone 2 1.9 deg"),
