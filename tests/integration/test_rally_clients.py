@@ -12,7 +12,7 @@ import pytest
 from mavsdk.asyncio import ComponentType, Configuration, Mavsdk
 from mavsdk.asyncio.plugins.mission_raw import MissionItem, MissionRawAsync
 
-from slz import LocalFrame, SurfaceHere
+from slz import LandingPoint, LocalFrame, SurfaceHere
 from tests.integration.mavproxy import Station
 from tests.integration.service_bench import STEP_S, Ship, ship, until
 
@@ -36,8 +36,7 @@ def report(*east_m: float) -> Any:
     """Return a report with a zone at each of these places east of the origin."""
     places = [np.array([east, 0.0, 0.0]) for east in east_m]
     zones = tuple(
-        SimpleNamespace(best=SimpleNamespace(enu_m=at, certainty=0.99, surface=SurfaceHere()))
-        for at in places
+        SimpleNamespace(best=LandingPoint(at, 4.0, 3.0, 1.0, 0.99, surface=SurfaceHere())) for at in places
     )
     return SimpleNamespace(frame=LocalFrame(*ORIGIN), near=SimpleNamespace(zones=zones))
 
