@@ -137,7 +137,7 @@ def test_the_nearest_zones_are_those_that_trying_all_finds(tmp_path: Path) -> No
             | dict.fromkeys(("roughness", "square_side_m", "elevation_m"), 1.0)
             | dict.fromkeys(("point_certainty", "point_slope_deg", "clearance_m"), 1.0)
             | dict.fromkeys(("surface_probability", "water", "raised_m"), 1.0)
-            | {"surface": "bare ground"})  # fmt: skip
+            | {"surface": "bare ground", "headings": "any", "blocked_by": "", "areas": ""})  # fmt: skip
         shapes.append(shapely.MultiPolygon([ring]))
     write_flatgeobuf(tmp_path / "zones.fgb", shapes, rows)
     for _ in range(5):
