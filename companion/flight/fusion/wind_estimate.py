@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 from collections import deque
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -111,8 +112,14 @@ class WindEstimate:
             self._of_tilt.add(wind, stamp_ns)
 
     def at(self, now_ns: int) -> Wind | None:
-        """Return the wind now, None if it is unknown."""
-        wind = self._of_autopilot.at(now_ns) or self._of_tilt.at(now_ns)
+        """Return the wind now, None if it is unknown.
+
+        The tilt tells no gusts: PX4 tilts in manoeuvres as in gusts of 13 m/s. Its gust is the mean.
+        """
+        by_tilt = self._of_tilt.at(now_ns)
+        if by_tilt is not None:
+            by_tilt = replace(by_tilt, gust_ms=by_tilt.speed_ms)
+        wind = self._of_autopilot.at(now_ns) or by_tilt
         self.newest = wind or self.newest
         return wind
 

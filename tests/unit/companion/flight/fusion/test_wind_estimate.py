@@ -88,8 +88,7 @@ def test_with_gusts_and_errors_of_attitude_and_velocity_it_follows_the_true_wind
         wind, truth = known(estimate, bench.now_ns), true.at(bench.now_ns)
         assert truth is not None
         assert np.hypot(*(wind.towards_enu_ms - truth.towards_enu_ms)) < 0.5
-        assert wind.gust_ms == pytest.approx(truth.gust_ms, abs=0.7)
-        assert wind.gust_ms > wind.speed_ms + 1.0
+        assert wind.gust_ms == wind.speed_ms  # the tilt tells none: it tilts in manoeuvres as well
 
 
 def test_a_drag_that_is_off_makes_the_speed_off_by_the_same_share() -> None:
