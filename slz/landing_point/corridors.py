@@ -64,7 +64,7 @@ class Corridors:
         return tuple((np.flatnonzero((self.states[:, :-1] == SAFE).any(axis=1)) * STEP_DEG).tolist())
 
     @property
-    def clear_deg(self) -> NDArray[np.float64]:
+    def clear_slope_deg(self) -> NDArray[np.float64]:
         """Return (72,) the least slope at which each bearing is clear, NaN where none is."""
         clear = self.states == SAFE
         return np.where(clear.any(axis=1), np.array(self.slopes_deg)[clear.argmax(axis=1)], np.nan)

@@ -28,7 +28,7 @@ class Corridors(BaseModel):
 
     state: Literal["clear", "blocked", "unknown"] = Field(description="Of the best way.")
     overhead: Literal["clear", "blocked", "unknown"] = Field(description="Straight down.")
-    clear_deg: list[int] = Field(description="Bearings from the point at which a slope is clear.")
+    bearings_deg: list[int] = Field(description="Bearings from the point at which a slope is clear.")
 
 
 class Point(BaseModel):

@@ -7,7 +7,6 @@ import numpy as np
 from companion.flight.landing.aim import Aim
 from companion.flight.landing.hand_over import HandOver
 from companion.flight.landing.interruptions.outage import Outage
-from companion.flight.landing.into_wind import IntoWind
 from companion.flight.landing.mode_ownership import ModeOwnership
 from companion.flight.landing.point_selection import PointSelection
 from companion.flight.landing.route import Route, Way
@@ -22,7 +21,8 @@ from companion.flight.landing.situation import (
     Vector,
     VehicleCommands,
 )
-from companion.flight.landing.wind_limit import WindLimit
+from companion.flight.landing.wind.into_wind import IntoWind
+from companion.flight.landing.wind.wind_limit import WindLimit
 from companion.flight.landing.zone_choice import must_be_confirmed, soonest
 from params import Parameters
 from slz import PointState, Zone

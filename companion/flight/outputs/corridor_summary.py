@@ -17,6 +17,6 @@ def corridor_summary(corridors: Corridors | None) -> dict[str, Any]:
         "corridors": {
             "state": WORDS[corridors.state],
             "overhead": WORDS[corridors.overhead],
-            "clear_deg": list(corridors.bearings_deg),
+            "bearings_deg": list(corridors.bearings_deg),
         }
     }

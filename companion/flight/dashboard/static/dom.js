@@ -55,7 +55,7 @@ export function headings(safe, step = 15) {
 export function ways(corridors) {
   const down = corridors.overhead === "clear" ? "straight down" : `straight down ${corridors.overhead}`;
   if (corridors.state !== "clear") return corridors.state;
-  return `${headings(corridors.clear_deg, 5)}; ${down}`;
+  return `${headings(corridors.bearings_deg, 5)}; ${down}`;
 }
 
 /** A round value of a layer with the sign of its unit. */

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from companion.flight.landing.gust_drift import gust_drift_m
 from companion.flight.landing.interruptions.missing_input import without_lidar
 from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.looks.oblique_look import ObliqueLook
@@ -18,6 +17,7 @@ from companion.flight.landing.situation import (
     VehicleCommands,
     known,
 )
+from companion.flight.landing.wind.gust_drift import gust_drift_m
 from companion.flight.landing.zone_choice import choose, confirmable, look_at
 from slz import SurfaceHere, Zone
 

@@ -83,16 +83,16 @@ def test_all_ways_over_open_ground_that_was_seen_are_clear() -> None:
     found = judged()
     assert found.overhead == SAFE
     assert (found.states == SAFE).all()
-    assert (found.clear_deg == found.slopes_deg[0]).all()
+    assert (found.clear_slope_deg == found.slopes_deg[0]).all()
 
 
 def test_a_wall_blocks_the_slopes_that_do_not_pass_over_it() -> None:
     found = judged(walls=((8.0, 5.0, 20.0),))
-    assert found.clear_deg[NORTH] in (45.0, 60.0)
+    assert found.clear_slope_deg[NORTH] in (45.0, 60.0)
     assert 40 < found.least_deg[NORTH] < 60
     assert found.obstacles_enu_m[NORTH, 1] == pytest.approx(8.0, abs=1.1)  # half a cell of the far map
     assert found.obstacles_enu_m[NORTH, 2] == pytest.approx(5.0, abs=0.3)
-    assert found.clear_deg[SOUTH] == found.slopes_deg[0]
+    assert found.clear_slope_deg[SOUTH] == found.slopes_deg[0]
     assert found.overhead == SAFE
 
 

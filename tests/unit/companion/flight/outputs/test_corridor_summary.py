@@ -35,13 +35,13 @@ def test_the_best_way_and_that_straight_down_are_told(
 ) -> None:
     told = corridor_summary(corridors(sloped, overhead))["corridors"]
     assert (told["state"], told["overhead"]) == (state, down)
-    assert told["clear_deg"] == (list(range(0, 360, 5)) if sloped == SAFE else [])
+    assert told["bearings_deg"] == (list(range(0, 360, 5)) if sloped == SAFE else [])
 
 
 def test_clear_bearings_are_whole_degrees_clockwise_from_north() -> None:
     found = corridors(int(UNSAFE), int(SAFE))
     found.states[18, 1] = SAFE
-    assert json.loads(json.dumps(corridor_summary(found)))["corridors"]["clear_deg"] == [90]
+    assert json.loads(json.dumps(corridor_summary(found)))["corridors"]["bearings_deg"] == [90]
 
 
 def test_no_way_was_judged() -> None:

@@ -3,7 +3,7 @@
 import pytest
 
 from companion.flight.geometry.wind import Wind
-from companion.flight.landing.gust_drift import gust_drift_m
+from companion.flight.landing.wind.gust_drift import gust_drift_m
 from tests.unit.companion.flight.landing.flight import Flight, Phase, zone
 
 GUSTY = Wind(0.0, 5.0, 11.0, "autopilot")

@@ -6,7 +6,7 @@ import pytest
 
 from companion.flight.geometry.wind import Wind
 from companion.flight.landing.situation import LandingRequest
-from companion.flight.landing.wind_limit import FORGET_NS, WindLimit
+from companion.flight.landing.wind.wind_limit import FORGET_NS, WindLimit
 from tests.unit.companion.flight.landing.flight import Flight, Phase, zone
 
 REASON = "wind too strong for this point: 14 m/s"
