@@ -23,10 +23,15 @@ class WindAverage:
     The gust is that of the WMO, the greatest mean over 3 s (WMO-No. 8, Part I, 5.1), here of the last minute
     instead of ten, because the present weather decides a landing. In the first 30 s, all of the time has
     the same weight.
+
+    Parameters
+    ----------
+    tells_gusts
+        False for a source that takes manoeuvres for gusts: the gust is then the mean.
     """
 
-    def __init__(self, source: WindSource) -> None:
-        self._source = source
+    def __init__(self, source: WindSource, *, tells_gusts: bool = True) -> None:
+        self._source, self._tells_gusts = source, tells_gusts
         self._mean = np.zeros(2)
         self._begun_ns: int | None = None
         self._newest_ns = 0
@@ -60,5 +65,6 @@ class WindAverage:
         while now_ns - self._gusts[0][0] > GUST_NS:
             self._gusts.popleft()
         east_ms, north_ms = (float(v) for v in self._mean)
-        gust_ms = max(self._gusts[0][1], float(np.hypot(east_ms, north_ms)))
+        speed_ms = float(np.hypot(east_ms, north_ms))
+        gust_ms = max(self._gusts[0][1], speed_ms) if self._tells_gusts else speed_ms
         return Wind.of_velocity(east_ms, north_ms, gust_ms, self._source)

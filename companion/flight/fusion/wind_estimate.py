@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 from collections import deque
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -37,7 +36,8 @@ class WindEstimate:
     """Wind from both sources.
 
     The autopilot's is filtered before it is sent; its gusts are averaged longer than 3 s. The tilt is used of
-    multirotors alone: a helicopter's rotor tilts against its fuselage.
+    multirotors alone: a helicopter's rotor tilts against its fuselage. It tells no gusts: PX4 tilts in
+    manoeuvres as in gusts of 13 m/s.
 
     Parameters
     ----------
@@ -55,7 +55,8 @@ class WindEstimate:
     def __init__(self, drag_per_s: float) -> None:
         self._tilt = TiltWind(drag_per_s) if drag_per_s > 0 else None
         self._reports: deque[tuple[int, float, float]] = deque()  # of 3 s
-        self._of_autopilot, self._of_tilt = WindAverage("autopilot"), WindAverage("tilt")
+        self._of_autopilot = WindAverage("autopilot")
+        self._of_tilt = WindAverage("tilt", tells_gusts=False)
         self._quat_wxyz: Quaternion | None = None
         self.newest: Wind | None = None
         self.implausible = 0
@@ -112,14 +113,8 @@ class WindEstimate:
             self._of_tilt.add(wind, stamp_ns)
 
     def at(self, now_ns: int) -> Wind | None:
-        """Return the wind now, None if it is unknown.
-
-        The tilt tells no gusts: PX4 tilts in manoeuvres as in gusts of 13 m/s. Its gust is the mean.
-        """
-        by_tilt = self._of_tilt.at(now_ns)
-        if by_tilt is not None:
-            by_tilt = replace(by_tilt, gust_ms=by_tilt.speed_ms)
-        wind = self._of_autopilot.at(now_ns) or by_tilt
+        """Return the wind now, None if it is unknown."""
+        wind = self._of_autopilot.at(now_ns) or self._of_tilt.at(now_ns)
         self.newest = wind or self.newest
         return wind
 
