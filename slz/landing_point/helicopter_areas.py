@@ -104,8 +104,8 @@ def _around(enu_m: Floats, terrain: TerrainView, plane_m: float, reach_m: float)
     state = np.full(whole.shape, UNKNOWN, np.uint8)
     height, top, slope = (np.full(whole.shape, np.nan) for _ in range(3))
     state[inside] = terrain.state(box)
-    for layer, name in ((height, "height_m"), (top, "top_m"), (slope, "slope_deg")):
-        layer[inside] = terrain.layer(name, box)
+    height[inside], top[inside] = terrain.ground_and_top(box)
+    slope[inside] = terrain.layer("slope_deg", box)
     centre_east, centre_north = grid.centre(whole.row0, whole.col0)
     rows, cols = np.ogrid[: whole.shape[0], : whole.shape[1]]
     north = centre_north + rows * grid.cell_m - float(enu_m[1])
@@ -114,8 +114,7 @@ def _around(enu_m: Floats, terrain: TerrainView, plane_m: float, reach_m: float)
     nearest_m = np.hypot(beside_north, beside_east)
     east, north = np.broadcast_arrays(east, north)
     plane = _plane(east, north, height, (state == SAFE) & (nearest_m < plane_m))
-    seen_top = np.where((state == SAFE) | np.isnan(top), height, top)
-    return Around(nearest_m, state, slope, seen_top - plane)
+    return Around(nearest_m, state, slope, top - plane)
 
 
 def _plane(east: Floats, north: Floats, height: Floats, ground: Flags) -> Floats:

@@ -39,7 +39,7 @@ def clear_over(
     floor, radius, spread, reach
         Height at which corridors begin, see `slz.kernels.air.swept_disc`, and how far they lead.
     least
-        Tangent of the slope up to which nothing is told.
+        Tangent of the least slope that matters; tops that no corridor of it meets are skipped.
     tangents, highest
         (bearings,) raised, infinite where nothing passes; (bearings, 3) place and height of the top which
         asks for them.
