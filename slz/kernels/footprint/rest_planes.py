@@ -15,9 +15,7 @@ import numpy as np
 from slz.kernels.argument_types import Array1D, Array2D, Array3D
 from slz.kernels.footprint.rest_pose import (
     A_LINE,
-    AROUND,
     PARTS,
-    TOUCHES_M,
     Contacts,
     GearLimits,
     Ground,
@@ -25,6 +23,7 @@ from slz.kernels.footprint.rest_pose import (
     contact_heights,
     plane_of,
     put_at_edges,
+    rest_on,
     scratch_for,
     upper_hull,
 )
@@ -70,33 +69,13 @@ def _lower_to_rests(
     """
     period = contacts.shape[0]
     for i in range(n):
-        p = kept[i]
-        x0, y0 = float(contacts[own, p, 0]), float(contacts[own, p, 1])
         for j in range(i + 1, n):
-            q = kept[j]
-            x1, y1 = contacts[own, q, 0] - x0, contacts[own, q, 1] - y0
-            rise1 = float(heights[q] - heights[p])
             for k in range(j + 1, n):
-                s = kept[k]
-                x2, y2 = contacts[own, s, 0] - x0, contacts[own, s, 1] - y0
-                area = x1 * y2 - x2 * y1
-                if abs(area) < 1e-9:
-                    continue
-                second, third = (x2 * y0 - x0 * y2) / area, (x0 * y1 - x1 * y0) / area
-                if min(second, third, 1 - second - third) < AROUND:
-                    continue
-                rise2 = float(heights[s] - heights[p])
-                a, b = (rise1 * y2 - rise2 * y1) / area, (x1 * rise2 - x2 * rise1) / area
-                c = heights[p] - a * x0 - b * y0
-                rests = True
-                for m in range(n):
-                    t = kept[m]
-                    plane = a * contacts[own, t, 0] + b * contacts[own, t, 1] + c
-                    rests = rests and heights[t] - plane <= TOUCHES_M
-                if rests:
+                gradient, a, b, c = rest_on(contacts, own, heights, kept, n, kept[i], kept[j], kept[k])
+                if gradient < np.inf:
                     for heading in range(own, corners.shape[0], period):
                         _lower(corners, heading, a, b, c, floors[place, heading])
-                        steepest[place, heading] = max(steepest[place, heading], math.sqrt(a * a + b * b))
+                        steepest[place, heading] = max(steepest[place, heading], gradient)
 
 
 @kernel

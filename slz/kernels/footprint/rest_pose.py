@@ -108,6 +108,34 @@ def upper_hull(heights: Row, first: int, stop: int, kept: Array1D[np.int64], n: 
 
 
 @kernel
+def rest_on(
+    contacts: Contacts, heading: int, heights: Row, kept: Array1D[np.int64], n: int, p: int, q: int, s: int
+) -> Rest:
+    """Return the plane through three contacts on which the gear rests; an infinite gradient if it does not.
+
+    It rests where the centre of gravity is within the three and no other contact is below the ground. See
+    `steepest_rest` for the parameters.
+    """
+    x0, y0 = float(contacts[heading, p, 0]), float(contacts[heading, p, 1])
+    x1, y1 = contacts[heading, q, 0] - x0, contacts[heading, q, 1] - y0
+    x2, y2 = contacts[heading, s, 0] - x0, contacts[heading, s, 1] - y0
+    area = x1 * y2 - x2 * y1
+    if abs(area) < 1e-9:
+        return np.inf, 0.0, 0.0, 0.0
+    second, third = (x2 * y0 - x0 * y2) / area, (x0 * y1 - x1 * y0) / area
+    if min(second, third, 1 - second - third) < AROUND:
+        return np.inf, 0.0, 0.0, 0.0
+    rise1, rise2 = float(heights[q] - heights[p]), float(heights[s] - heights[p])
+    a, b = (rise1 * y2 - rise2 * y1) / area, (x1 * rise2 - x2 * rise1) / area
+    c = heights[p] - a * x0 - b * y0
+    for m in range(n):
+        t = kept[m]
+        if heights[t] - (a * contacts[heading, t, 0] + b * contacts[heading, t, 1] + c) > TOUCHES_M:
+            return np.inf, 0.0, 0.0, 0.0
+    return math.sqrt(a * a + b * b), a, b, c
+
+
+@kernel
 def steepest_rest(contacts: Contacts, heading: int, heights: Row, kept: Array1D[np.int64], n: int) -> Rest:
     """Return the steepest plane on which a gear can rest: gradient, its east and north parts, and height.
 
@@ -124,32 +152,11 @@ def steepest_rest(contacts: Contacts, heading: int, heights: Row, kept: Array1D[
     """
     steepest, east, north, up = -1.0, 0.0, 0.0, 0.0
     for i in range(n):
-        p = kept[i]
-        x0, y0 = float(contacts[heading, p, 0]), float(contacts[heading, p, 1])
         for j in range(i + 1, n):
-            q = kept[j]
-            x1, y1 = contacts[heading, q, 0] - x0, contacts[heading, q, 1] - y0
-            rise1 = float(heights[q] - heights[p])
             for k in range(j + 1, n):
-                s = kept[k]
-                x2, y2 = contacts[heading, s, 0] - x0, contacts[heading, s, 1] - y0
-                area = x1 * y2 - x2 * y1
-                if abs(area) < 1e-9:
-                    continue
-                second, third = (x2 * y0 - x0 * y2) / area, (x0 * y1 - x1 * y0) / area
-                if min(second, third, 1 - second - third) < AROUND:
-                    continue
-                rise2 = float(heights[s] - heights[p])
-                a, b = (rise1 * y2 - rise2 * y1) / area, (x1 * rise2 - x2 * rise1) / area
-                c = heights[p] - a * x0 - b * y0
-                rests = True
-                for m in range(n):
-                    t = kept[m]
-                    plane = a * contacts[heading, t, 0] + b * contacts[heading, t, 1] + c
-                    rests = rests and heights[t] - plane <= TOUCHES_M
-                gradient = math.sqrt(a * a + b * b)
-                if rests and gradient > steepest:
-                    steepest, east, north, up = gradient, a, b, c
+                rest = rest_on(contacts, heading, heights, kept, n, kept[i], kept[j], kept[k])
+                if steepest < rest[0] < np.inf:
+                    steepest, east, north, up = rest
     return steepest, east, north, up
 
 
