@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 PLAIN = "%(asctime)s %(levelname)s %(name)s: %(message)s"
 WIDE = 1000  # columns of a table written to a pipe or file
+NO_COLUMNS: Mapping[str, Callable[[dict[str, Any]], str]] = {}
 err = Console(stderr=True)
 
 
@@ -99,9 +100,13 @@ class progress:  # noqa: N801 - a context manager used as a function
         self._bar.stop()
 
 
-def zone_table(zones: list[dict[str, Any]], title: str) -> Table:
-    """Return a table of the first 20 zones of a summary."""
-    table = Table("zone", "area m²", "certainty", "slope °", "square m", "surface", "latitude", "longitude")
+def zone_table(
+    zones: list[dict[str, Any]], title: str, more: Mapping[str, Callable[[dict[str, Any]], str]] = NO_COLUMNS
+) -> Table:
+    """Return a table of the first 20 zones of a summary; more: further columns by heading."""
+    table = Table(
+        "zone", "area m²", "certainty", "slope °", "square m", "surface", "latitude", "longitude", *more
+    )
     table.title = title
     for zone in zones[:20]:
         table.add_row(
@@ -113,6 +118,7 @@ def zone_table(zones: list[dict[str, Any]], title: str) -> Table:
             _surface(zone),
             f"{zone['lat']:.7f}",
             f"{zone['lon']:.7f}",
+            *(text(zone) for text in more.values()),
         )
     return table
 

@@ -13,6 +13,8 @@ import params
 from companion.cli.console import compile_at_first, progress, set_up_logging, stdout_console, zone_table
 from companion.cli.options import Json, Profile, Settings, Verbose
 
+UNBLOCKED = {"ways not blocked °": lambda zone: str(zone["corridors"]["unblocked_deg"])}
+
 
 def map_(
     files: Annotated[list[Path], typer.Argument(help="LAS, LAZ, COPC, PCD, PLY or text: x y z.")],
@@ -27,6 +29,14 @@ def map_(
     ] = None,
     classified: Annotated[
         bool, typer.Option("--classified", help="Write the points too, class 64 safe, 65 unsafe, 66 unknown.")
+    ] = False,
+    corridors: Annotated[
+        bool,
+        typer.Option(
+            "--corridors",
+            help="Also judge the ways in and out of each landing point (approach_slope_deg, corridor_m):"
+            " blocked, or not seen.",
+        ),
     ] = False,
     tile_m: Annotated[
         float | None, typer.Option(help="Side of a tile, m (1024 cells); it changes no result.")
@@ -53,12 +63,13 @@ def map_(
     parameters = params.load(profile, [*own, *setting])
     compile_at_first(parameters.mode)
     with survey.engine(scheduler, workers) as engine, progress(as_json) as step:
-        plan = survey.MapOptions(crs, classified, tile_m, engine, vertical_unit)
+        plan = survey.MapOptions(crs, classified, tile_m, engine, vertical_unit, corridors)
         summary = survey.run(files, out, parameters, step, plan)
     if as_json:
         print(json.dumps(summary))
     else:
-        stdout_console().print(zone_table(summary["zones"], f"{len(summary['zones'])} zones, maps in {out}"))
+        title = f"{len(summary['zones'])} zones, maps in {out}"
+        stdout_console().print(zone_table(summary["zones"], title, UNBLOCKED if corridors else {}))
         if summary["no_zone"]:
             stdout_console().print(f"no zone: {summary['no_zone']}")
     for skipped in summary["skipped"]:

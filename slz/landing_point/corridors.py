@@ -74,7 +74,7 @@ def corridors(
     enu_m: NDArray[np.float64],
     near: TerrainView,
     far: TerrainView,
-    air: SeenAir,
+    air: SeenAir | None,
     parameters: Parameters,
 ) -> Corridors:
     """Return the corridors of a point (3,); all unknown where its height is.
@@ -82,9 +82,9 @@ def corridors(
     Parameters
     ----------
     near, far
-        Maps of the ground and what stands on it; those of the far map count beyond `NEAR_M`.
+        Maps of the ground and what stands on it; those of the far map count beyond `NEAR_M`. May be the same.
     air
-        Air that rays passed.
+        Air that rays passed; None where no ray is known, as in a survey of files: then nothing is clear.
     """
     p = parameters
     slopes_deg = (p.approach_slope_deg, *(slope for slope in SLOPES_DEG if slope > p.approach_slope_deg))
@@ -93,10 +93,10 @@ def corridors(
     tangents, obstacles = np.zeros(BEARINGS), np.full((BEARINGS, 3), np.nan)
     if not is_known(enu_m):
         return Corridors(enu_m, slopes_deg, states, np.full(BEARINGS, np.nan), obstacles)
-    radius_m = max(p.footprint_m, p.greatest_dimension_m) / 2 + p.touchdown_error_m + p.corridor_margin_m
+    radius_m, reach_m = corridor_radius_m(p), corridor_reach_m(p)
     floor_m, high_m = float(enu_m[2]) + p.relief_m, p.survey_height_m * CEILING
-    reach_m = min(p.corridor_m, (high_m / slopes[0] + radius_m) * (1 + SPREAD))
-    for terrain, to_m in ((near, min(NEAR_M, reach_m)), (far, reach_m)):
+    parts = ((near, min(NEAR_M, reach_m)),) if near is not far else ()
+    for terrain, to_m in (*parts, (far, reach_m)):
         grid = terrain.grid
         box = terrain.around(cell_of(enu_m, terrain), math.ceil(to_m / grid.cell_m))
         _, top = terrain.ground_and_top(box)
@@ -104,10 +104,24 @@ def corridors(
         corner = grid.south_m + box.row0 * grid.cell_m, grid.west_m + box.col0 * grid.cell_m
         place = *corner, grid.cell_m, float(enu_m[0]), float(enu_m[1]), floor_m
         clear_over(top, safe, *place, radius_m, SPREAD, to_m, float(slopes[0]), tangents, obstacles)
-    floor = np.array([enu_m[0], enu_m[1], floor_m])
-    shape = radius_m, SPREAD, p.vehicle_height_m, reach_m
-    unseen = air.unseen(floor, float(enu_m[2]) + high_m, slopes, shape, BEARINGS)
-    states[~unseen] = SAFE
+    if air is not None:
+        floor = np.array([enu_m[0], enu_m[1], floor_m])
+        shape = radius_m, SPREAD, p.vehicle_height_m, reach_m
+        unseen = air.unseen(floor, float(enu_m[2]) + high_m, slopes, shape, BEARINGS)
+        states[~unseen] = SAFE
     states[tangents[:, np.newaxis] > slopes] = UNSAFE
     states[np.isinf(tangents)] = UNSAFE
     return Corridors(enu_m, slopes_deg, states, np.degrees(np.arctan(tangents)), obstacles)
+
+
+def corridor_radius_m(parameters: Parameters) -> float:
+    """Return half the width (m) of a corridor at its point."""
+    p = parameters
+    return max(p.footprint_m, p.greatest_dimension_m) / 2 + p.touchdown_error_m + p.corridor_margin_m
+
+
+def corridor_reach_m(parameters: Parameters) -> float:
+    """Return how far (m) from a point corridors are judged: where the least slope ends, or `corridor_m`."""
+    p = parameters
+    least = math.tan(math.radians(p.approach_slope_deg))
+    return min(p.corridor_m, (p.survey_height_m * CEILING / least + corridor_radius_m(p)) * (1 + SPREAD))

@@ -15,6 +15,7 @@ from companion.desk.survey.cloud_survey import CloudSurvey
 from companion.desk.survey.geographic_polygon import wgs84
 from companion.desk.survey.largest_square import square_centre
 from companion.desk.survey.local_metres import Metric
+from companion.desk.survey.survey_corridors import SurveyCorridors
 from companion.flight.outputs.zone_outline import zone_polygon
 from params import Parameters
 from slz import SAFE, UNKNOWN, UNSAFE, Box, Grid, TerrainMaps, Zone
@@ -58,7 +59,8 @@ class Findings:
     """Zones of a survey, the best first, with its maps, parameters and counts.
 
     shapes, outlines_m: in longitude and latitude, and in metres of the map. square_centres_m: of the
-    largest safe squares, metres of the map. n_obstacles: inside the contours. cells: rows, cols, safe,
+    largest safe squares, metres of the map. ways: in to and out of the landing points, None where they were
+    not asked for. n_obstacles: inside the contours. cells: rows, cols, safe,
     unsafe, unknown. coordinate_spacing: as in `GeoreferencedCloud`. drawings: files of the maps, if they are
     written already. skipped: files left out, and the reasons.
     """
@@ -71,6 +73,7 @@ class Findings:
     shapes: Sequence[MultiPolygon]
     outlines_m: Sequence[MultiPolygon]
     square_centres_m: Sequence[tuple[float, float]]
+    ways: Sequence[SurveyCorridors | None]
     n_obstacles: Sequence[int]
     cells: dict[str, int]
     n_read: int
@@ -97,6 +100,7 @@ def of_window(found: CloudSurvey, n_read: int, coordinate_spacing: float) -> Fin
         shapes=[wgs84(outline, found.metric) for outline in outlines_m],
         outlines_m=outlines_m,
         square_centres_m=[square_centre(zone, maps) for zone in zones],
+        ways=[None] * len(zones),
         n_obstacles=[len(zone.obstacles) for zone in zones],
         cells={
             "rows": rows,

@@ -17,6 +17,8 @@ from slz import LocalFrame
 
 EXACT = 0.002  # relative error up to which the nominal unit of a CRS is kept as its length on the ground
 UNEVEN = 0.01  # maximum relative change of a unit's length across a cloud
+AHEAD_M = 100.0  # over which the direction of north is measured
+EARTH = Geod(ellps="WGS84")
 HALF_WAY_M = 2.0e7  # half of the Earth's circumference
 Floats = NDArray[np.float64]
 
@@ -54,6 +56,12 @@ class Metric:
         """Return (n, 2) longitude and latitude, WGS-84, of (n, 2 or 3) metres of the map."""
         xy = self.crs_xy(local_m)
         return np.column_stack(self.to_wgs84.transform(xy[:, 0], xy[:, 1]))
+
+    def north_deg(self, local_m: Floats) -> Floats:
+        """Return (n,) true bearings (deg) of the map's north axis at (n, 2) metres of the map."""
+        lon, lat = self.lonlat(local_m).T
+        ahead_lon, ahead_lat = self.lonlat(local_m + np.array([0.0, AHEAD_M])).T
+        return np.asarray(EARTH.inv(lon, lat, ahead_lon, ahead_lat)[0])
 
     def altitude_m(self, up_m: Floats | float) -> Any:
         """Return metres above the CRS's vertical datum of metres of the map."""

@@ -21,6 +21,7 @@ from companion.desk.survey.atomic_folder import (
 from companion.desk.survey.cloud_survey import survey
 from companion.desk.survey.files import survey_files
 from companion.desk.survey.findings import Findings, MapsInMemory, of_window
+from companion.desk.survey.survey_corridors import check_reach
 from companion.desk.survey.survey_summary import summary
 from companion.desk.survey.tiled.outcome import of_tiles, whole_maps
 from companion.desk.survey.tiled.task_engine import Engine, InProcess
@@ -42,7 +43,8 @@ class MapOptions:
 
     crs overrides the CRS of the files, and gives that of formats that state none. classified: also write
     the points with their classes. tile_m: side of a tile, which changes no result. engine: executor of the
-    tasks. vertical_unit: unit of the heights (m, ft, us-ft), which overrides the files.
+    tasks. vertical_unit: unit of the heights (m, ft, us-ft), which overrides the files. corridors: also judge
+    the ways in to and out of each zone's landing point.
     """
 
     crs: str | None = None
@@ -50,6 +52,7 @@ class MapOptions:
     tile_m: float | None = None
     engine: Engine = InProcess()  # noqa: RUF009 - it has no state
     vertical_unit: str | None = None
+    corridors: bool = False
 
 
 def run(
@@ -84,6 +87,8 @@ def run(
     if not isinstance(plan.engine, InProcess):  # workers may have been started in another folder
         files, out = [path.absolute() for path in files], out.absolute()
     check_output_path(out)
+    if plan.corridors:
+        check_reach(parameters)
     try:
         with locked_folder(out):
             if parameters.mode == "source":
@@ -111,6 +116,7 @@ def _in_tiles(
             plan.crs,
             plan.tile_m,
             plan.vertical_unit,
+            plan.corridors,
         )
         return _written(files, out, of_tiles(tiled.run()), progress, plan)
 

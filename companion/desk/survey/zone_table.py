@@ -13,6 +13,7 @@ from shapely.geometry import MultiPolygon, mapping
 
 from companion.desk.survey.findings import Findings
 from companion.desk.survey.local_metres import Metric
+from companion.desk.survey.survey_corridors import document, words
 from companion.flight.outputs.footing_summary import headings_text
 from companion.flight.outputs.zone_outline import DEGREE_DECIMALS
 from slz import Zone
@@ -23,19 +24,26 @@ def rows(findings: Findings) -> list[dict[str, Any]]:
 
     lat, lon, elevation_m: the landing point, WGS-84 and metres above the cloud's vertical datum.
     square_centre: [lon, lat] of the largest safe square. Areas and lengths are those on the ground.
+    corridors: the ways in and out, only where they were asked for.
     """
     metric, zones = findings.metric, findings.zones
     if not zones:
         return []
     points = metric.lonlat(np.array([zone.best.enu_m[:2] for zone in zones])).round(DEGREE_DECIMALS)
     centres = metric.lonlat(np.array(findings.square_centres_m)).round(DEGREE_DECIMALS)
-    return [
+    told = [
         {**_row(zone, metric), "obstacles": n, "why": zone.why, "rank": rank}
         | {"lat": point[1], "lon": point[0], "square_centre": centre}
         for rank, (zone, n, point, centre) in enumerate(
             zip(zones, findings.n_obstacles, points.tolist(), centres.tolist(), strict=True), start=1
         )
     ]
+    return [row | more for row, more in zip(told, _corridors(findings), strict=True)]
+
+
+def flat(described: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the rows with their corridors in words, for tables."""
+    return [row | {"corridors": words(row["corridors"])} if "corridors" in row else row for row in described]
 
 
 def write_geojson(path: Path, shapes: Sequence[MultiPolygon], described: Sequence[dict[str, Any]]) -> None:
@@ -47,6 +55,16 @@ def write_geojson(path: Path, shapes: Sequence[MultiPolygon], described: Sequenc
             feature = {"type": "Feature", "id": row["id"], "geometry": geometry, "properties": row}
             file.write((", " if k else "") + json.dumps(feature))
         file.write("]}")
+
+
+def _corridors(findings: Findings) -> list[dict[str, Any]]:
+    """Return the ways in and out of each zone under their name, nothing where they were not asked for."""
+    metric, points = findings.metric, np.array([zone.best.enu_m[:2] for zone in findings.zones])
+    norths, length = metric.north_deg(points).tolist(), math.sqrt(metric.area_factor)
+    return [
+        {} if ways is None else {"corridors": document(ways, metric.lonlat, north, length)}
+        for ways, north in zip(findings.ways, norths, strict=True)
+    ]
 
 
 def _row(zone: Zone, metric: Metric) -> dict[str, Any]:

@@ -19,27 +19,38 @@ NUMBERS = (
 )  # fmt: skip
 COUNTS = ("id", "rank", "boundary_points", "corner_points", "obstacles")
 TEXTS = ("surface", "headings", "blocked_by", "areas", "why")
-FIELDS = (*COUNTS, *NUMBERS, *TEXTS)
+OPTIONAL_TEXTS = ("corridors",)
 Degrees = tuple[float, float, float, float]
 
 
 def write_flatgeobuf(path: Path, shapes: Sequence[MultiPolygon], described: Sequence[dict[str, Any]]) -> None:
     """Write the zones as multipolygons with holes in WGS-84; `zone_table.rows` has their fields."""
+    texts = texts_of(described)
     columns = [
         *(np.array([row[name] for row in described], np.int64) for name in COUNTS),
         *(np.array([_number(row[name]) for row in described], np.float64) for name in NUMBERS),
-        *(np.array([row[name] for row in described], object) for name in TEXTS),
+        *(np.array([row[name] for row in described], object) for name in texts),
     ]
     write(
         str(path),
         geometry=np.array([shapely.to_wkb(shape) for shape in shapes], object),
         field_data=columns,
-        fields=list(FIELDS),
+        fields=list(fields_of(described)),
         geometry_type="MultiPolygon",
         crs="EPSG:4326",
         driver="FlatGeobuf",
         layer="zones",
     )
+
+
+def fields_of(described: Sequence[dict[str, Any]]) -> tuple[str, ...]:
+    """Return the names of the fields of zones, in their order."""
+    return *COUNTS, *NUMBERS, *texts_of(described)
+
+
+def texts_of(described: Sequence[dict[str, Any]]) -> tuple[str, ...]:
+    """Return the names of the fields that hold text."""
+    return *TEXTS, *(name for name in OPTIONAL_TEXTS if any(name in row for row in described))
 
 
 def zones_within(path: Path, box: Degrees) -> tuple[list[dict[str, Any]], NDArray[np.object_]]:

@@ -31,6 +31,7 @@ TOLD = (
     ("raised_m", "raised", "m"),
     ("water", "probability of water", ""),
     ("why", "why this rank", ""),
+    ("corridors", "ways in and out", ""),
 )
 
 
@@ -97,7 +98,7 @@ def _table(row: dict[str, Any]) -> str:
     lines = [
         f"<tr><td>{title}</td><td>{html.escape(str(row[key]))} {unit}</td></tr>"
         for key, title, unit in TOLD
-        if row[key] not in (None, "")
+        if row.get(key) not in (None, "")
     ]
     return f"<table>{''.join(lines)}</table>"
 

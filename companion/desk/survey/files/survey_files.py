@@ -13,7 +13,7 @@ from companion.desk.survey.files.kml import write_kml
 from companion.desk.survey.files.survey_page import write_page
 from companion.desk.survey.files.zone_csv import write_csv, write_survey
 from companion.desk.survey.findings import Findings
-from companion.desk.survey.zone_table import write_geojson
+from companion.desk.survey.zone_table import flat, write_geojson
 
 
 def rasters(folder: Path, found: Findings) -> list[Path]:
@@ -30,11 +30,12 @@ def zones(
     """Write the zones in all formats, a table of them and the page, and return the paths."""
     geojson, kml, fgb, csv = (folder / f"zones.{suffix}" for suffix in ("geojson", "kml", "fgb", "csv"))
     write_geojson(geojson, found.shapes, described)
-    write_kml(kml, found.shapes, described)
-    write_flatgeobuf(fgb, found.shapes, described)
-    write_csv(csv, described)
+    rows = flat(described)
+    write_kml(kml, found.shapes, rows)
+    write_flatgeobuf(fgb, found.shapes, rows)
+    write_csv(csv, rows)
     page, survey = folder / "map.html", folder / "survey.json"
-    write_page(page, found, described)
+    write_page(page, found, rows)
     write_survey(survey, files, found)
     return [geojson, kml, fgb, csv, page, survey]
 

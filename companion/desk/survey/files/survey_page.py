@@ -22,6 +22,7 @@ MOST_ZONES = 3000  # only the best are drawn; the files hold all
 MOST_CORNERS = 400_000  # of all outlines together
 TOLERANCE_M = 0.5
 DIGITS = 2
+WAYS = ', ["ways in and out", z.corridors]'  # a further fact of a zone, in the page's script
 
 
 def write_page(path: Path, found: Findings, described: Sequence[dict[str, Any]]) -> None:
@@ -48,6 +49,7 @@ def write_page(path: Path, found: Findings, described: Sequence[dict[str, Any]])
         "zones": _zones(shown),
     }
     page = TEMPLATE.read_text("utf-8")
+    page = page.replace("__FACTS__", WAYS if any("corridors" in row for row in described) else "")
     page = page.replace("__PICTURE__", base64.b64encode(png).decode())
     page = page.replace("__SURVEY__", json.dumps(document, allow_nan=False).replace("</", "<\\/"))
     path.write_text(page, "utf-8")

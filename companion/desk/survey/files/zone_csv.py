@@ -8,14 +8,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from companion.desk.survey.files.flatgeobuf import FIELDS
+from companion.desk.survey.files.flatgeobuf import fields_of
 from companion.desk.survey.findings import Findings
 
 
 def write_csv(path: Path, described: Sequence[dict[str, Any]]) -> None:
     """Write the zones, the best first; unknown values are empty."""
     with path.open("w", encoding="utf-8", newline="") as file:
-        table = csv.DictWriter(file, FIELDS, extrasaction="ignore")
+        table = csv.DictWriter(file, fields_of(described), extrasaction="ignore")
         table.writeheader()
         table.writerows(described)
 

@@ -28,6 +28,7 @@ def of_tiles(surveyed: Surveyed) -> Findings:
         shapes=[wgs84(one.polygon_m, surveyed.metric) for one in ranked],
         outlines_m=[one.polygon_m for one in ranked],
         square_centres_m=[one.square_centre_m for one in ranked],
+        ways=[one.ways for one in ranked],
         n_obstacles=[one.n_obstacles for one in ranked],
         cells={
             "rows": rows,

@@ -84,9 +84,11 @@ class TiledSurvey:
         crs: str | None = None,
         tile_m: float | None = None,
         vertical_unit: str | None = None,
+        corridors: bool = False,
     ) -> None:
         self._files, self._work, self._crs = files, work, crs
         self._vertical_unit = vertical_unit
+        self._corridors = corridors
         self._parameters = parameters
         self._engine = engine
         self._progress = Progress(tell)
@@ -107,6 +109,8 @@ class TiledSurvey:
         guess = first_guess(sources, p.cell_m)
         self._check_room(sources)
         wanted = plan.manifest(self._files, self._crs, p, guess, self._side, self._vertical_unit)
+        if self._corridors:
+            wanted["corridors"] = True
         plan.claim(self._work, wanted)
         sorted_, census, metric, broken = self._sorted(sources, guess)
         skipped += broken
@@ -244,7 +248,7 @@ class TiledSurvey:
         pairs = self._each("joining", _labelled, [(layout, key, least) for key in keys], 0)
         work = batches(join_components({found.key: found for _, found in pairs}), self._work / "zones")
         done = sum(one.done.exists() for one in work)
-        self._each("zones", describe_zones, work, done, layout, p)
+        self._each("zones", describe_zones, work, done, layout, p, self._corridors)
 
     def _check_room(self, sources: Sequence[Source]) -> None:
         """Refuse clouds too large for the disk, before hours are spent."""

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from companion.desk.survey.largest_square import centre_of
+from companion.desk.survey.survey_corridors import survey_corridors
 from companion.desk.survey.tiled.tile_labels import CandidateZone, Members
 from companion.desk.survey.tiled.tile_store import Store, TileLayout
 from companion.desk.survey.tiled.zone_file import DescribedZone, load, save
@@ -37,13 +38,15 @@ class Work:
     done: Path
 
 
-def describe_zones(work: Work, layout: TileLayout, parameters: Parameters) -> int:
-    """Describe zones, write them to their file and return their number."""
+def describe_zones(work: Work, layout: TileLayout, parameters: Parameters, corridors: bool = False) -> int:
+    """Describe zones, where asked with their ways, write them to their file and return their number."""
     if work.done.exists():
         return len(load(work.done))
     store = Store(layout)
     members = Members(store)
     found = [one for zone in work.zones for one in _found(zone, store, members, parameters)]
+    if corridors:
+        found = [replace(one, ways=survey_corridors(one.zone.best.enu_m, store, parameters)) for one in found]
     save(work.done, found)
     return len(found)
 

@@ -12,8 +12,9 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon
 
+from companion.desk.survey.survey_corridors import SurveyCorridors
 from companion.desk.survey.tiled import array_file
-from slz import Box, SurfaceHere, SurfaceKind, Zone
+from slz import Box, Corridors, SurfaceHere, SurfaceKind, Zone
 from slz.landing_point.helicopter_areas import HelicopterAreas
 from slz.zone import LandingPoint
 
@@ -29,11 +30,16 @@ NUMBERS = (
     "why",
 )
 ARRAYS = ("cells", "boundary_cells", "corners_enu_m")
+WAYS = ("states", "least_deg", "obstacles_enu_m")  # arrays of `Corridors`
 
 
 @dataclass(frozen=True, slots=True)
 class DescribedZone:
-    """A described zone. first: its sort key in the order of IDs. cut: whether it is part of a larger zone."""
+    """A described zone.
+
+    first: its sort key in the order of IDs. cut: whether it is part of a larger zone. ways: in to and out of
+    its landing point, None where they were not asked for.
+    """
 
     first: int
     zone: Zone
@@ -41,6 +47,7 @@ class DescribedZone:
     square_centre_m: tuple[float, float]
     n_obstacles: int
     cut: bool
+    ways: SurveyCorridors | None = None
 
 
 def save(path: Path, zones: Sequence[DescribedZone]) -> None:
@@ -54,6 +61,9 @@ def save(path: Path, zones: Sequence[DescribedZone]) -> None:
         arrays[f"{number} polygon"] = np.frombuffer(shapely.to_wkb(found.polygon_m), np.uint8)
         best = asdict(zone.best)
         del best["enu_m"]
+        if found.ways is not None:
+            arrays |= {f"{number} {name}": getattr(found.ways.corridors, name) for name in WAYS}
+            arrays[f"{number} surfaces"] = found.ways.surfaces
         notes.append(
             {name: getattr(zone, name) for name in NUMBERS}
             | {
@@ -63,6 +73,7 @@ def save(path: Path, zones: Sequence[DescribedZone]) -> None:
                 "square_centre_m": found.square_centre_m,
                 "n_obstacles": found.n_obstacles,
                 "cut": found.cut,
+                "slopes_deg": None if found.ways is None else found.ways.corridors.slopes_deg,
             }
         )
     array_file.write(path, arrays, {"zones": notes})
@@ -86,6 +97,14 @@ def _areas(told: dict[str, Any] | None) -> HelicopterAreas | None:
     return None if told is None else HelicopterAreas(**told)
 
 
+def _ways(number: int, arrays: dict[str, NDArray[Any]], told: dict[str, Any]) -> SurveyCorridors | None:
+    if told["slopes_deg"] is None:
+        return None
+    found = {name: arrays[f"{number} {name}"] for name in WAYS}
+    corridors = Corridors(arrays[f"{number} best"], tuple(told["slopes_deg"]), **found)
+    return SurveyCorridors(corridors, arrays[f"{number} surfaces"])
+
+
 def _found(number: int, arrays: dict[str, NDArray[Any]], told: dict[str, Any]) -> DescribedZone:
     fields: dict[str, Any] = {name: told[name] for name in NUMBERS}
     fields |= {name: arrays[f"{number} {name}"] for name in ARRAYS}
@@ -106,4 +125,5 @@ def _found(number: int, arrays: dict[str, NDArray[Any]], told: dict[str, Any]) -
     east, north = told["square_centre_m"]
     polygon = shapely.from_wkb(arrays[f"{number} polygon"].tobytes())
     assert isinstance(polygon, MultiPolygon)  # noqa: S101 - `save` writes no other type
-    return DescribedZone(told["first"], zone, polygon, (east, north), told["n_obstacles"], told["cut"])
+    ways = _ways(number, arrays, told)
+    return DescribedZone(told["first"], zone, polygon, (east, north), told["n_obstacles"], told["cut"], ways)
