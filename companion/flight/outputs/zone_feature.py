@@ -10,13 +10,17 @@ from numpy.typing import NDArray
 from shapely.geometry import mapping
 from shapely.geometry.polygon import orient
 
+from companion.flight.outputs.corridor_ranges import corridor_ranges
 from companion.flight.outputs.zone_outline import DEGREE_DECIMALS, zone_polygon
 from companion.flight.outputs.zone_summary import zone_summary
 from slz import Grid, LocalFrame, Zone
 
 
 def zone_feature(zone: Zone, grid: Grid, frame: LocalFrame) -> dict[str, Any]:
-    """Return a zone's polygons with holes in longitude and latitude, with its summary as properties."""
+    """Return a zone's polygons with holes in longitude and latitude, with its summary as properties.
+
+    Its `corridors` also hold `corridor_ranges`, the ways in and out at the least slope.
+    """
     up_m = float(np.nan_to_num(zone.best.enu_m[2]))
 
     def degrees(local_m: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -30,5 +34,17 @@ def zone_feature(zone: Zone, grid: Grid, frame: LocalFrame) -> dict[str, Any]:
         "type": "Feature",
         "id": zone.id,
         "geometry": geometry,
-        "properties": zone_summary(zone, frame),
+        "properties": _properties(zone, frame),
     }
+
+
+def _properties(zone: Zone, frame: LocalFrame) -> dict[str, Any]:
+    told = zone_summary(zone, frame)
+    if zone.best.corridors is not None:
+        told["corridors"] |= corridor_ranges(zone.best.corridors, lambda _, top: _place(top, frame))
+    return told
+
+
+def _place(enu_m: NDArray[np.float64], frame: LocalFrame) -> dict[str, float]:
+    lat, lon, _ = frame.lla(enu_m).round(DEGREE_DECIMALS).tolist()
+    return {"lat": lat, "lon": lon}
