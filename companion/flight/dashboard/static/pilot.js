@@ -119,7 +119,7 @@ export class PilotView {
     if (!pose || gl.isContextLost()) return;
     const view = this._view(pose);
     const matrix = multiply(perspective(FIELD, width / height, 0.5, 8000), looking(view.eye, view.forward, view.up));
-    this._backdrop(view);
+    this._backdrop(view, pose);
     this.terrain.draw(matrix, [view.middle[0], view.middle[1]], REACH_M, SKY);
     this._solids(matrix, pose);
     this._labels(pen, matrix, width, height, ratio);
@@ -147,14 +147,14 @@ export class PilotView {
   }
 
   /** Dark ground below the horizon where nothing was seen. */
-  _backdrop(view) {
+  _backdrop(view, pose) {
     this._shapes = { lines: [], faces: [] };
-    const [e, n, u] = view.eye;
+    const [e, n] = view.eye;
     const far = 5000;
-    const low = u - 40;
+    const ground = pose.up - Math.max(2, this.model.state?.height_m ?? this.model.state?.height_home_m ?? 20) - 1.5;
+    const low = ground - 40; // below all ground that was seen, which it would hide
     const tint = [0.12, 0.14, 0.17, 1];
     this._face([e - far, n - far, low], [e + far, n - far, low], [e + far, n + far, low], [e - far, n + far, low], tint);
-    const ground = u - Math.max(2, this.model.state?.height_m ?? this.model.state?.height_home_m ?? 20) - 1.5;
     const [e0, n0] = [GRID_M * Math.round(e / GRID_M), GRID_M * Math.round(n / GRID_M)];
     for (let k = -10; k <= 10; k++) {
       const [reach, at] = [10 * GRID_M, k * GRID_M];
