@@ -96,9 +96,9 @@ class Feature(BaseModel):
     """Zone; its properties are those of `slz map`, and `map`: near or far.
 
     `surface`, `surface_probability`, `water` and `raised_m` are of its best point, as in `Point`. So is
-    `corridors` of the ten best zones, with the ways in and out at the least slope, `slope_deg`: pairs of bearings
-    (first, last) that are clear (`clear_deg`) or were not seen (`unknown_deg`), and what blocks the others
-    (`blocked`: bearings_deg, least_slope_deg, height_m, distance_m, lat, lon).
+    `corridors` of the ten best zones, with the ways in and out at the least slope, `slope_deg`: pairs of
+    bearings (first, last) that are clear (`clear_deg`) or were not seen (`unknown_deg`), and what blocks the
+    others (`blocked`: bearings_deg, least_slope_deg, height_m, distance_m, lat, lon).
     """
 
     type: Literal["Feature"]

@@ -13,7 +13,7 @@ from companion.flight.outputs.footing_summary import footing_summary
 from companion.flight.outputs.surface_summary import surface_summary
 from companion.flight.outputs.zone_outline import zone_polygon
 from params import Parameters
-from slz import Grid, Obstacle, Report, SelectedPoint, Zone
+from slz import SAFE, UNKNOWN, Corridors, Grid, Obstacle, Report, SelectedPoint, Zone
 
 MOST_OBSTACLES = 40
 MOST_PRIOR = 100  # best zones of the survey prior that are drawn
@@ -123,6 +123,7 @@ def point(selected: SelectedPoint, parameters: Parameters) -> dict[str, Any]:
         "headings_deg": list(selected.footing.headings_deg),
         "blocked_by": selected.footing.blocked_by or None,
         **corridor_summary(selected.corridors),
+        "rose": _rose(selected.corridors),
         "unseen": _number(selected.footing.unseen, 4),
         **surface_summary(selected.surface),
         "may_be_water": selected.surface.water > parameters.water_suspicion,
@@ -141,6 +142,21 @@ def _obstacle(obstacle: Obstacle, selected: SelectedPoint) -> dict[str, Any]:
         "height_m": round(obstacle.height_m, 2),
         "extent_m": [round(v, 2) for v in obstacle.extent_m],
         "distance_m": round(obstacle.distance_m(selected.enu_m), 1),
+    }
+
+
+def _rose(corridors: Corridors | None) -> dict[str, Any] | None:
+    """Return the best way at each bearing: c clear, b blocked, u unknown, and the least clear slope (deg)."""
+    if corridors is None:
+        return None
+    sloped = corridors.states[:, :-1]  # all but straight up
+    clear, unknown = (sloped == SAFE).any(axis=1), (sloped == UNKNOWN).any(axis=1)
+    return {
+        "states": "".join(np.where(clear, "c", np.where(unknown, "u", "b")).tolist()),
+        "slopes_deg": [
+            float(slope) if ok else None
+            for ok, slope in zip(clear.tolist(), corridors.clear_slope_deg.tolist(), strict=True)
+        ],
     }
 
 

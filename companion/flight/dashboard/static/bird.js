@@ -2,6 +2,7 @@
 
 import { amount, fitCanvas } from "./dom.js";
 import { rampColour } from "./paint.js";
+import { drawArrow, drawRose, roseRadius, windWords, WIND } from "./rose.js";
 import { holds, pathOf, patternsOf, STATE_STYLE, STYLE, styleOf, SURE_WORDS, surfaceWords } from "./zones.js";
 
 const FRAME_MS = 45;
@@ -253,7 +254,9 @@ export class BirdView {
     const point = this.model.selected();
     if (point) {
       const [x, y] = this.place(point.enu_m[0], point.enu_m[1]);
-      taken.push([x - 84 * r, y + 30 * r, x + 84 * r, y + 54 * r]); // what is said of the point comes first
+      const far = point.rose ? roseRadius(r) : 28 * r;
+      taken.push([x - 84 * r, y + far + 2 * r, x + 84 * r, y + far + 26 * r]); // what is said of the point comes first
+      if (point.rose) taken.push([x - far, y - far, x + far, y + far]);
     }
     const zones = [...this.model.near().map((z) => [z, ""]), ...this.model.far().map((z) => [z, " far"])];
     for (const [zone, suffix] of zones) {
@@ -418,7 +421,21 @@ export class BirdView {
       pen.lineWidth = 2.4 * r;
       pen.strokeStyle = style.line;
     }
-    this._plate(pen, x, y + 52 * r, [`${style.mark} LANDING POINT ${style.word}`], style.line);
+    if (point.rose) drawRose(pen, x, y, this.turn, point.rose, r);
+    this._plate(pen, x, y + (point.rose ? roseRadius(r) + 24 * r : 52 * r), [`${style.mark} LANDING POINT ${style.word}`], style.line);
+    this._windAt(pen, x, y);
+  }
+
+  /** The wind as an arrow that blows towards the landing point. */
+  _windAt(pen, x, y) {
+    const wind = this.model.state?.wind;
+    if (!wind) return;
+    const r = this._ratio;
+    const angle = (wind.from_deg * Math.PI) / 180 + this.turn;
+    const at = (away) => [x + away * Math.sin(angle), y - away * Math.cos(angle)];
+    drawArrow(pen, ...at(roseRadius(r) + 6 * r), angle, 38 * r, r);
+    const [tx, ty] = at(roseRadius(r) + 62 * r);
+    this._tag(pen, tx, ty, windWords(wind), WIND.line);
   }
 
   _room(pen, zone, x, y, style) {
@@ -507,6 +524,7 @@ export class BirdView {
     }
     this._tag(pen, x + px / 2, y - 10 * r, `${length >= 1 ? length : length.toFixed(1)} m`, "#f2f5f7");
     this._north(pen);
+    this._wind(pen);
     if (this.sheets.shown) this._ramp(pen, x, y - 42 * r, this.sheets.shown);
   }
 
@@ -528,6 +546,22 @@ export class BirdView {
     pen.textBaseline = "middle";
     pen.fillText("N", 0, 10 * r);
     pen.restore();
+  }
+
+  /** The wind below north while no landing point has its arrow: towards where it blows, with its speed. */
+  _wind(pen) {
+    const r = this._ratio;
+    const wind = this.model.state?.wind;
+    const [x, y] = [30 * r, 116 * r];
+    if (!wind) this._tag(pen, x + 16 * r, y - 12 * r, windWords(wind), "#c3ccd4");
+    if (!wind || this.model.selected()) return;
+    pen.fillStyle = "rgba(10, 13, 17, 0.72)";
+    pen.beginPath();
+    pen.arc(x, y, 18 * r, 0, 7);
+    pen.fill();
+    const angle = (wind.from_deg * Math.PI) / 180 + this.turn;
+    drawArrow(pen, x - 14 * r * Math.sin(angle), y + 14 * r * Math.cos(angle), angle, 28 * r, r);
+    this._tag(pen, x + 22 * r, y + 27 * r, windWords(wind), WIND.line);
   }
 
   _ramp(pen, x, y, layer) {

@@ -11,6 +11,7 @@ import { Model } from "./model.js";
 import { ParameterSheet } from "./parameters.js";
 import { PilotView } from "./pilot.js";
 import { ReplayBar } from "./replay.js";
+import { drawSwatch, WAYS } from "./rose.js";
 import { Sheets } from "./sheets.js";
 import { patternsOf, STATE_STYLE, STYLE } from "./zones.js";
 
@@ -52,6 +53,7 @@ setInterval(() => {
   if (due || gone) {
     due = false;
     for (const part of parts) part.update();
+    for (const way of ways) way.hidden = !model.selected()?.rose;
     surveyed.hidden = model.prior().length === 0;
     for (const [surface, shown] of surfaces) shown.hidden = !model.allZones().some((zone) => zone.surface === surface);
   }
@@ -155,6 +157,7 @@ const dotted = swatch((pen) => {
 });
 const surveyed = entry(dotted, "safe when surveyed");
 const surfaces = ["roof", "low vegetation"].map((surface) => [surface, entry(area(STYLE.certain, "certain", surface), surface)]);
+const ways = Object.entries(WAYS).map(([state, { word }]) => entry(swatch((pen) => drawSwatch(pen, state)), word));
 byId("legend").append(
   ...[
     [area(STYLE.largest, "certain"), "largest zone"],
@@ -166,6 +169,7 @@ byId("legend").append(
   ].map((each) => entry(...each)),
   ...surfaces.map(([, shown]) => shown),
   surveyed,
+  ...ways,
 );
 
 window.slz = { model, sheets, link, bird, pilot }; // for tests and the curious

@@ -3,6 +3,7 @@
 import { fitCanvas } from "./dom.js";
 import { add, drawsInSoftware, looking, multiply, perspective, program, project } from "./gl.js";
 import { Terrain } from "./terrain.js";
+import { drawArrow, petals, reach, STEP_DEG, WAYS, WIND, windWords } from "./rose.js";
 import { STATE_STYLE, styleOf, surfaceWords } from "./zones.js";
 
 const FRAME_MS = 60;
@@ -13,6 +14,9 @@ const EYE_DOWN_DEG = 28;
 const GRID_M = 20;
 const GATE_M = 4;
 const GATE_STEP_M = 6;
+const ROSE_M = [3.5, 5, 9]; // inner radius, and those of the shortest and the longest petal
+const FENCE_M = 1.3; // height of a blocked bearing's fence
+const WIND_M = [10.5, 16]; // head and tail of the wind's arrow from the point
 
 const LINE_VERTEX = `
 in vec3 place;
@@ -166,6 +170,8 @@ export class PilotView {
   _solids(matrix, pose) {
     const { gl } = this;
     this._zoneLines();
+    this._rose();
+    this._windArrow();
     this._posts();
     this._flown();
     this._corridor(pose);
@@ -224,6 +230,59 @@ export class PilotView {
       if (last && i % 2) this._bar(last, next, 0.07, tint);
       last = next;
     }
+  }
+
+  /** Ways in and out: clear ones rise as petals at their slope, a fence stands across blocked ones. */
+  _rose() {
+    const point = this.model.selected();
+    if (!point?.rose) return;
+    const up = (point.height_m ?? point.enu_m[2] ?? 0) + 0.3;
+    const at = (bearing, away, rise) => {
+      const angle = (bearing * Math.PI) / 180;
+      return [point.enu_m[0] + away * Math.sin(angle), point.enu_m[1] + away * Math.cos(angle), up + rise];
+    };
+    const [inner, short, long] = ROSE_M;
+    for (const petal of petals(point.rose)) {
+      const [r, g, b] = colour(WAYS[petal.state].line);
+      const far = petal.state === "c" ? short + reach(petal) * (long - short) : short;
+      const rise = petal.state === "c" ? (far - inner) * Math.tan((Math.min(45, petal.slope) * Math.PI) / 180) : 0;
+      for (let bearing = petal.first; bearing <= petal.last; bearing += STEP_DEG) {
+        const [left, right] = [bearing - STEP_DEG / 2, bearing + STEP_DEG / 2];
+        const near = [at(left, inner, 0), at(right, inner, 0)];
+        const away = [at(left, far, rise), at(right, far, rise)];
+        if (petal.state === "c") this._face(near[0], near[1], away[1], away[0], [r, g, b, 0.55]);
+        if (petal.state === "b") {
+          const tops = [at(left, inner, FENCE_M), at(right, inner, FENCE_M)];
+          for (const [c, d] of [tops, away]) {
+            this._face(near[0], near[1], d, c, [r, g, b, 0.7]);
+            this._line(near[0], d, [0.16, 0, 0, 1]);
+            this._line(near[1], c, [0.16, 0, 0, 1]);
+          }
+        }
+        if (petal.state !== "u") this._line(...away, [r, g, b, 1]);
+        else if (bearing % 10 === 0) for (const edge of [near, away]) this._line(...edge, [r, g, b, 0.9]);
+      }
+      for (const side of [petal.first - STEP_DEG / 2, petal.last + STEP_DEG / 2]) {
+        this._line(at(side, inner, 0), at(side, far, rise), [r, g, b, 1]);
+      }
+    }
+  }
+
+  /** The wind as an arrow beside the landing point, towards where it blows. */
+  _windArrow() {
+    const [point, wind] = [this.model.selected(), this.model.state?.wind];
+    if (!point || !wind) return;
+    const tint = colour(WIND.line);
+    const angle = (wind.from_deg * Math.PI) / 180;
+    const [east, north] = [Math.sin(angle), Math.cos(angle)];
+    const at = (away, aside) => [point.enu_m[0] + away * east + aside * north, point.enu_m[1] + away * north - aside * east, this._windUp(point)];
+    const [head, tail] = WIND_M;
+    this._face(at(head + 1.6, -0.3), at(head + 1.6, 0.3), at(tail, 0.3), at(tail, -0.3), tint);
+    this._face(at(head, 0), at(head + 1.8, 1), at(head + 1.8, -1), at(head, 0), tint);
+  }
+
+  _windUp(point) {
+    return (point.height_m ?? point.enu_m[2] ?? 0) + 2;
   }
 
   _posts() {
@@ -307,6 +366,12 @@ export class PilotView {
       const style = STATE_STYLE[point.state];
       label([point.enu_m[0], point.enu_m[1], (point.height_m ?? 0) + 4.6], `${style.mark} ${style.word}`, style.line);
     }
+    const wind = this.model.state?.wind;
+    if (point && wind) {
+      const angle = (wind.from_deg * Math.PI) / 180;
+      const [, tail] = WIND_M;
+      label([point.enu_m[0] + tail * Math.sin(angle), point.enu_m[1] + tail * Math.cos(angle), this._windUp(point) + 0.8], windWords(wind), WIND.line);
+    }
     for (const obstacle of (point?.obstacles ?? []).slice(0, 14)) {
       label([obstacle.east_m, obstacle.north_m, obstacle.top_m + 1.2], `${obstacle.height_m.toFixed(1)} m`, "#ffcf87");
     }
@@ -319,6 +384,7 @@ export class PilotView {
   _instruments(pen, pose, view, matrix, width, height, r) {
     this._heading(pen, pose, width, r);
     if (this.camera === "eye") this._horizon(pen, pose, view, matrix, width, height, r);
+    this._wind(pen, pose, height, r);
     const v = pose.velocity ?? [0, 0, 0];
     const numbers = [
       [28 * r, "left", Math.hypot(v[0], v[1]).toFixed(1), "m/s"],
@@ -338,6 +404,28 @@ export class PilotView {
       pen.strokeText(unit, x, y + 17 * r);
       pen.fillText(unit, x, y + 17 * r);
     }
+  }
+
+  /** The wind over the ground speed: an arrow towards where it blows, with the way that is looked as its top. */
+  _wind(pen, pose, height, r) {
+    const wind = this.model.state?.wind;
+    const [x, y] = [44 * r, height - 104 * r];
+    pen.fillStyle = "rgba(10, 13, 17, 0.66)";
+    if (wind) {
+      pen.beginPath();
+      pen.arc(x, y, 18 * r, 0, 7);
+      pen.fill();
+      const angle = ((wind.from_deg - pose.yaw - this.look.yaw) * Math.PI) / 180;
+      drawArrow(pen, x - 14 * r * Math.sin(angle), y + 14 * r * Math.cos(angle), angle, 28 * r, r);
+    }
+    pen.font = `600 ${11.5 * r}px system-ui, sans-serif`;
+    pen.textAlign = "left";
+    pen.textBaseline = "alphabetic";
+    pen.lineWidth = 4 * r;
+    pen.strokeStyle = "rgba(6, 9, 13, 0.75)";
+    pen.fillStyle = wind ? WIND.line : "#e2e6ea";
+    pen.strokeText(windWords(wind), 28 * r, y + 34 * r);
+    pen.fillText(windWords(wind), 28 * r, y + 34 * r);
   }
 
   _heading(pen, pose, width, r) {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import params
 from companion.flight.dashboard import zone_shapes
 from companion.flight.dashboard.zone_shapes import ZoneShapes, certainty_class
 from companion.flight.outputs.zone_outline import zone_polygon
-from slz import Report, SurfaceHere, SurfaceKind
+from slz import SAFE, UNKNOWN, UNSAFE, Corridors, Report, SurfaceHere, SurfaceKind
 from tests.unit.companion.flight.landing.flight import Flight, zone
 
 
@@ -72,3 +73,19 @@ def test_zones_and_the_landing_point_say_what_their_ground_is() -> None:
     assert document["selected"]["may_be_water"] is False
     wet = ZoneShapes().document(found, params.load("quadcopter", ["water_suspicion=0.03"]))
     assert wet["selected"]["may_be_water"] is True
+
+
+def test_the_rose_tells_the_best_way_at_each_bearing() -> None:
+    flight = Flight([zone(1, 5.0, 0.0)])
+    flight.selected = np.array([5.0, 0.0, 0.0])
+    found = flight.situation().report
+    assert found is not None
+    assert found.selected is not None
+    states = np.full((72, 3), SAFE, np.uint8)  # at 30 and 60 degrees, and straight up
+    states[1, 0], states[2, :2], states[3, :2], states[4, :2] = UNSAFE, UNSAFE, UNKNOWN, (UNSAFE, UNKNOWN)
+    ways = Corridors(flight.selected, (30.0, 60.0, 90.0), states, np.zeros(72), np.full((72, 3), np.nan))
+    judged = replace(found, selected=replace(found.selected, corridors=ways))
+    rose = ZoneShapes().document(judged, params.load())["selected"]["rose"]
+    assert rose["states"] == "ccbuu" + 67 * "c"
+    assert rose["slopes_deg"] == [30.0, 60.0, None, None, None, *(67 * [30.0])]
+    assert ZoneShapes().document(found, params.load())["selected"]["rose"] is None
