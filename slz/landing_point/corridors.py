@@ -69,6 +69,11 @@ class Corridors:
         clear = self.states == SAFE
         return np.where(clear.any(axis=1), np.array(self.slopes_deg)[clear.argmax(axis=1)], np.nan)
 
+    @property
+    def blocking_enu_m(self) -> NDArray[np.float64]:
+        """Return (n, 3) the tops that block the least slope, each once."""
+        return np.unique(self.obstacles_enu_m[self.states[:, 0] == UNSAFE], axis=0)
+
 
 def corridors(
     enu_m: NDArray[np.float64],

@@ -46,13 +46,15 @@ def obstacle_points_enu_m(
     around
         Map around the vehicle; its cells count from `low_m` below the vehicle upwards.
     selected
-        Selected point; its obstacles count at any height.
+        Selected point; its obstacles count at any height, and so does what blocks its ways in and out.
     """
     columns = [] if around is None else [around.columns_enu_m(float(position_enu_m[2]) - low_m)]
     if selected is not None and selected.surroundings is not None:
         for obstacle in selected.surroundings.obstacles:
             top = np.full((len(obstacle.cells_enu_m), 1), obstacle.top_m)
             columns.append(np.hstack([obstacle.cells_enu_m, top]))
+    if selected is not None and selected.corridors is not None:
+        columns.append(selected.corridors.blocking_enu_m)
     if not columns:
         return np.empty((0, 3))
     points = np.concatenate(columns)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from companion.flight.geometry.axes import level_frd_m
 from companion.flight.mapping.clearance import band_m, height_m, obstacle_points_enu_m
 from companion.flight.mapping.recent_obstacles import CAPACITY, RecentObstacles
-from slz import Nearby, Obstacle, PointState, Scan, SelectedPoint, Surroundings
+from slz import SAFE, UNSAFE, Corridors, Nearby, Obstacle, PointState, Scan, SelectedPoint, Surroundings
 from slz.frame import LocalFrame
 from tests.unit.companion.flight.outputs.pose import pose
 
@@ -108,6 +109,16 @@ def test_what_stands_around_the_vehicle_and_the_landing_point_is_told_up_to_the_
     np.testing.assert_allclose(points, [[5.25, 0.25, 10.0], [5.0, 4.0, 1.5], [5.2, 4.0, 1.5]])
     assert len(obstacle_points_enu_m(ABOVE, None, None, 2.0)) == 0
     assert len(obstacle_points_enu_m(ABOVE, mapped(0.0, pole_m=7.9), None, 2.0)) == 0
+
+
+def test_what_blocks_a_way_in_is_told_once_however_far_and_the_rest_is_not() -> None:
+    states, tops = np.full((72, 2), SAFE, np.uint8), np.full((72, 3), np.nan)
+    states[3:6, 0], tops[3:6], tops[20] = UNSAFE, (40.0, 9.0, 25.0), (7.0, 7.0, 2.0)
+    states[30, 0], tops[30] = UNSAFE, (3.0, -20.0, 6.0)
+    ways = Corridors(np.zeros(3), (30.0, 90.0), states, np.zeros(72), tops)
+    none = Obstacle(5.0, 4.0, 1.5, 1.5, np.empty((0, 2)), 0.2)
+    points = obstacle_points_enu_m(ABOVE, None, replace(selected(none), corridors=ways), 2.0)
+    np.testing.assert_allclose(points, [[3.0, -20.0, 6.0], [40.0, 9.0, 10.0]])  # up to the vehicle's height
 
 
 def test_a_scan_without_a_return_is_no_news_of_what_is_around() -> None:
