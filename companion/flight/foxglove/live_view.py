@@ -55,6 +55,7 @@ class LiveView:
 
     def __init__(self, flight: FlightView, port: int) -> None:
         self._clock_offset_ns = time.time_ns() - now_ns()
+        self._wind = flight.wind
         self._last_pose_ns = 0
         self._waiting: deque[Callable[[], None]] = deque(maxlen=MOST_WAITING)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-foxglove")
@@ -86,8 +87,8 @@ class LiveView:
 
     def use_report(self, report: Report) -> None:
         """Publish a report."""
-        wall_ns = self._wall_ns()
-        self._put(foxglove_scene.ZONES, lambda: foxglove_scene.scene(report, wall_ns), wall_ns)
+        wall_ns, wind = self._wall_ns(), self._wind.at(now_ns())
+        self._put(foxglove_scene.ZONES, lambda: foxglove_scene.scene(report, wall_ns, wind), wall_ns)
         self._put(foxglove_scene.GEOJSON, lambda: foxglove_scene.geojson(report), wall_ns)
 
     def pose(self, pose: Pose, frame: LocalFrame) -> None:

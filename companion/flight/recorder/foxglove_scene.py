@@ -44,8 +44,10 @@ from foxglove.messages import (
 from numpy.typing import NDArray
 
 from companion.flight.geometry.pose import Pose as VehiclePose
+from companion.flight.geometry.wind import Wind
 from companion.flight.outputs.zone_feature import zone_feature
 from companion.flight.recorder import journal
+from companion.flight.recorder.foxglove_ways import ways, wind_arrow
 from slz import LocalFrame, PointState, Report, SurfaceKind, Window, Zone
 
 MAP, BODY = "map", "base_link"
@@ -100,8 +102,8 @@ def cloud(window: Window, at_ns: int) -> PointCloud:
     )
 
 
-def scene(report: Report, at_ns: int) -> SceneUpdate:
-    """Return the zones as outlines with labels, and the landing point as a sphere."""
+def scene(report: Report, at_ns: int, wind: Wind | None = None) -> SceneUpdate:
+    """Return the zones as outlines with labels, the landing point as a sphere, its ways and the wind."""
     forget = Duration(sec=5)
     entities = [_zone(zone, rank, at_ns, forget) for rank, zone in enumerate(report.zones)]
     selected = report.selected
@@ -118,6 +120,10 @@ def scene(report: Report, at_ns: int) -> SceneUpdate:
                 timestamp=_stamp(at_ns), frame_id=MAP, id="landing point", lifetime=forget, spheres=[ball]
             )
         )
+        if selected.corridors is not None:
+            entities.append(ways(selected.corridors, _stamp(at_ns), MAP, forget))
+        if wind is not None:
+            entities.append(wind_arrow(wind, np.array([east, north, up]), _stamp(at_ns), MAP, forget))
     return SceneUpdate(entities=entities)
 
 
