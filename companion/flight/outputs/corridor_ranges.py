@@ -68,8 +68,8 @@ def corridor_ranges(
     Parameters
     ----------
     place
-        Returns what is to be said of an obstacle besides its height and distance, such as its latitude and
-        longitude, from its bearing's index and its top (3,) in the map frame.
+        Returns further properties of an obstacle, such as its latitude and longitude, from the index of its
+        bearing and its top (3,) in the map frame.
     north_deg
         Bearing of the map's north axis, clockwise from true north; bearings are turned by whole degrees.
     length
