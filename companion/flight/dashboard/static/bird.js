@@ -434,7 +434,7 @@ export class BirdView {
     const angle = (wind.from_deg * Math.PI) / 180 + this.turn;
     const at = (away) => [x + away * Math.sin(angle), y - away * Math.cos(angle)];
     drawArrow(pen, ...at(roseRadius(r) + 6 * r), angle, 38 * r, r);
-    const [tx, ty] = at(roseRadius(r) + 62 * r);
+    const [tx, ty] = at(roseRadius(r) + (56 + 32 * Math.abs(Math.sin(angle))) * r);
     this._tag(pen, tx, ty, windWords(wind), WIND.line);
   }
 
