@@ -33,6 +33,7 @@ ALONG_THE_VEHICLE = (
 )
 SENSORS = (
     DemoSensor("lidar", "mid360", "livox"),
+    DemoSensor("opal", "opal", "livox", settings=("lidar_pitch_deg=90", "lidar_z_m=0.05")),
     DemoSensor("flash", "flash", "flash", settings=("lidar_pitch_deg=90", "lidar_z_m=0.05")),
     DemoSensor("radar", "radar", "radar", settings=(*RADAR, *ALONG_THE_VEHICLE)),
     DemoSensor("lidar+radar", "mid360", "livox", radar=True, settings=(*RADAR, "lidar_timeout_s=2")),
