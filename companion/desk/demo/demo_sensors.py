@@ -40,6 +40,14 @@ SENSORS = (
 )
 
 
+HIGH_M = 40.0  # the range of a Mid-360 to dark ground
+
+
+def usual_sensor(survey_height_m: float) -> str:
+    """Return the name of a sensor that sees the ground from a height: a Mid-360, or one of long range."""
+    return "opal" if survey_height_m > HIGH_M else "lidar"
+
+
 def sensor_named(name: str) -> DemoSensor:
     """Return the sensor of a name.
 

@@ -23,7 +23,7 @@ SLOW_MS = 0.3
 
 @dataclass(frozen=True, slots=True)
 class Limited:
-    """Velocity (3,) that obstacles allow, and whether something is ahead or above that allows next to none."""
+    """Velocity (3,) that obstacles allow, and whether something ahead or above leaves next to none."""
 
     velocity_frd_ms: Vector
     blocked: bool

@@ -52,7 +52,8 @@ class Situation:
     None if not reported. lidar_ok: scans arrive and are georeferenced. no_map_reason: why scans or map
     are missing; valid while lidar_ok is False. report: the newest one, or None. battery_pct: charge left,
     None if not reported. blocked, blocked_above: an obstacle in the direction of the last velocity, ahead or
-    above. heard: a heartbeat a moment ago confirms the mode. epoch: changes with each jump of the position estimate.
+    above. heard: a heartbeat a moment ago confirms the mode. epoch: changes with each jump of the position
+    estimate.
 
     failsafe: reported by the autopilot. breached: outside its fence. estimate_lost: parts of the estimate
     that were valid and are lost. gps_lost: the receiver lost its fix; the estimate drifts. cause: reason of

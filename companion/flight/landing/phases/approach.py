@@ -1,7 +1,7 @@
 """Phase approach: fly over the point, look from aside or closer, and turn.
 
-When the vehicle has been over the point, and the point safe, for two seconds, it goes straight down, or out to
-where its approach path begins.
+When the vehicle has been over the point, and the point safe, for two seconds, it goes straight down, or out
+to where its approach path begins.
 """
 
 from __future__ import annotations
@@ -106,9 +106,8 @@ class Approach:
         elif state.safe_since_ns is None:
             state.safe_since_ns = s.now_ns
         elif s.now_ns - state.safe_since_ns > STEADY_NS:
-            no_way = self._out.begin(s)
-            if no_way:
-                return state.break_off(no_way, s)
+            if not self._out.begin(s):
+                return state.break_off("no way in", s)
             if self._out.goes_down:
                 turned = is_turned(s.selected, s.heading_rad, state.into_wind.heading_rad)
                 state.say(Severity.INFO, "descending" if turned else "descending, not into the wind")

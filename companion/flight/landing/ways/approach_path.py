@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.flight.landing.guidance import GAIN_PER_S, level, towards
+from companion.flight.landing.guidance import level, towards
 from companion.flight.landing.situation import Vector
 from params import Parameters
 
@@ -20,8 +20,8 @@ ON_PATH_M, OFF_PATH_M = 1.0, 4.0  # error of height up to which the speed is kep
 class ApproachPath:
     """A way down to a point.
 
-    bearing_deg: from the point, clockwise from north. slope_deg: of the path. hover_m: height over the point at
-    its end. length_m: horizontal distance of its beginning.
+    bearing_deg: from the point, clockwise from north. slope_deg: of the path. hover_m: height over the point
+    at its end. length_m: horizontal distance of its beginning.
     """
 
     bearing_deg: float

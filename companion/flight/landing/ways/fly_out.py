@@ -15,7 +15,7 @@ from slz import SAFE, UNKNOWN, UNSAFE, Corridors
 
 AT_ENTRY_M = 3.0
 LOOK_NS = 4 * SECOND  # at the beginning of a path, until its air is seen
-MOST_TRIED = 3  # bearings flown out along in vain, after which the vehicle goes straight down
+MOST_TRIED = 3  # bearings flown out along in vain, after which only what is clear already counts
 
 
 class FlyOut:
@@ -40,8 +40,8 @@ class FlyOut:
         self._tried_deg: list[float] = []
         self._at_entry_ns: int | None = None
 
-    def begin(self, s: Situation) -> str:
-        """Choose a way in from over the point; return the reason against all, "" without one."""
+    def begin(self, s: Situation) -> bool:
+        """Choose a way in from over the point; return whether there is one."""
         state = self._state
         corridors = state.corridors(s)
         blocked = straight_down_is_blocked(corridors)
@@ -49,24 +49,25 @@ class FlyOut:
         self.path, self._at_entry_ns = None, None
         if state.is_urgent or corridors is None or not sloped:
             self.goes_down = True
-            return ""
-        if len(self._tried_deg) < MOST_TRIED:
-            self.path = self._best(s, corridors)
+            return True
+        look = len(self._tried_deg) < MOST_TRIED
+        self.path = next(iter(self._paths(s, corridors, int(UNKNOWN if look else SAFE))), None)
         if self.path is not None:
             length_m = self.path.length_m
             state.late_ns = s.now_ns + STUCK_NS + round(2e9 * length_m / state.parameters.approach_speed_ms)
             state.say(Severity.INFO, f"flying out to {self.path.bearing_deg:.0f} deg for the approach")
-            return ""
+            return True
         if blocked:
-            return "no way in"
+            return False
         state.say(Severity.NOTICE, "no clear way in: straight down")
         self.goes_down = True
-        return ""
+        return True
 
     def offset(self, s: Situation) -> Vector | None:
         """Return the offset (2,) to the path's beginning; None once the path is to be flown, or given up.
 
-        It is given up, and `path` None, when something stands in it, or its air stays unseen.
+        Where something stands in it, or its air stays unseen, a steeper one of its bearing replaces it; with
+        none it is given up, and `path` None.
         """
         path, corridors = self.path, self._state.corridors(s)
         if path is None:
@@ -76,33 +77,24 @@ class FlyOut:
         if math.hypot(*offset) >= AT_ENTRY_M and self._at_entry_ns is None:
             if state != UNSAFE:
                 return offset
-            return self._give_up(s)
+            return self._steeper(s, path, int(UNKNOWN))
         if self._at_entry_ns is None:
             self._at_entry_ns = s.now_ns
         if state == SAFE:
             return None
-        steeper = None if corridors is None else self._clear_at(s, corridors, path.bearing_deg)
-        if steeper is not None:
-            self.path, self._at_entry_ns = steeper, None
-            return self.offset(s)
         if state == UNKNOWN and s.now_ns - self._at_entry_ns < LOOK_NS:
             return offset
-        return self._give_up(s)
+        return self._steeper(s, path, int(SAFE))
 
-    def _give_up(self, s: Situation) -> Vector | None:
-        if self.path is not None:
-            self._tried_deg.append(self.path.bearing_deg)
-        self.path = None
-        return None
-
-    def _best(self, s: Situation, corridors: Corridors) -> ApproachPath | None:
-        found = self._paths(s, corridors, int(UNKNOWN))
-        return found[0] if found else None
-
-    def _clear_at(self, s: Situation, corridors: Corridors, bearing_deg: float) -> ApproachPath | None:
-        """Return the clear path of a bearing, None without one."""
-        clear = self._paths(s, corridors, int(SAFE))
-        return next((path for path in clear if path.bearing_deg == bearing_deg), None)
+    def _steeper(self, s: Situation, path: ApproachPath, least_state: int) -> Vector | None:
+        """Go on with a steeper path of the same bearing, or give that bearing up."""
+        corridors = self._state.corridors(s)
+        found = [] if corridors is None else self._paths(s, corridors, least_state)
+        self._at_entry_ns = None
+        self.path = next((one for one in found if one.bearing_deg == path.bearing_deg), None)
+        if self.path is None:
+            self._tried_deg.append(path.bearing_deg)
+        return self.offset(s)
 
     def _paths(self, s: Situation, corridors: Corridors, least_state: int) -> list[ApproachPath]:
         state = self._state

@@ -34,7 +34,7 @@ def paths(
     Parameters
     ----------
     least_state
-        `SAFE` for clear corridors alone; `UNKNOWN` adds those whose air was not seen yet, after the clear ones.
+        `SAFE` for clear corridors alone; `UNKNOWN` adds those whose air was not seen yet.
     route_over_point_m
         Height over the point at which the vehicle flies to the beginning of a path.
     wind
@@ -56,7 +56,7 @@ def paths(
             continue
         path = ApproachPath(bearing_deg, slope_deg, hover_m, min(length_m, parameters.corridor_m))
         unseen = float(states[index] != SAFE)
-        found.append(((unseen, *_effort(path, corridors, wind, position_enu_m)), path))
+        found.append(((*_effort(path, corridors, wind, position_enu_m), unseen), path))
     return [path for _, path in sorted(found, key=lambda one: one[0])]
 
 
@@ -78,12 +78,9 @@ def state_of(corridors: Corridors, path: ApproachPath) -> int:
 
 
 def _flyable(states: NDArray[np.uint8], least_state: int) -> int | None:
-    """Return the index of the least steep slope that is clear, else of one that is not blocked, if asked for."""
-    clear = np.flatnonzero(states == SAFE)
-    if len(clear) or least_state == SAFE:
-        return int(clear[0]) if len(clear) else None
-    unseen = np.flatnonzero(states != UNSAFE)
-    return int(unseen[0]) if len(unseen) else None
+    """Return the index of the least steep slope that is clear, or that is not blocked, if asked for."""
+    flyable = np.flatnonzero(states == SAFE if least_state == SAFE else states != UNSAFE)
+    return int(flyable[0]) if len(flyable) else None
 
 
 def _effort(

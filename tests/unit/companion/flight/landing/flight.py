@@ -121,9 +121,7 @@ class Flight:
             selected = SelectedPoint(
                 self.selected, state, "near", 0.0, 1.0, 0.05, 0.99, 1, None, self.footing
             )
-            selected = replace(
-                selected, surface=self.surface(self.selected), corridors=self.corridors(self)
-            )
+            selected = replace(selected, surface=self.surface(self.selected), corridors=self.corridors(self))
         near, far = MapReport(GRID, tuple(self.zones)), MapReport(GRID, tuple(self.far_zones))
         choice = Choice(100.0, 20.0, 0.0, False, 0, 1.0)
         report = Report(0, FRAME, near, far, choice, selected, 1000, 1000, 0, 0, False, {})

@@ -12,9 +12,7 @@ from slz.landing_point.corridors import BEARINGS, STEP_DEG
 SLOPES_DEG = (10.0, 30.0, 60.0, 90.0)
 
 
-def made(
-    states: Mapping[tuple[int, float], int] | None = None, *, all_of: int = int(SAFE)
-) -> Corridors:
+def made(states: Mapping[tuple[int, float], int] | None = None, *, all_of: int = int(SAFE)) -> Corridors:
     """Return the corridors of the origin: one state for all but those of a bearing and slope (degrees)."""
     filled = np.full((BEARINGS, len(SLOPES_DEG)), all_of, np.uint8)
     for (bearing_deg, slope_deg), state in (states or {}).items():

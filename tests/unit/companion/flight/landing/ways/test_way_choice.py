@@ -48,13 +48,15 @@ def test_the_beginning_nearest_to_the_vehicle_is_taken_without_wind() -> None:
     assert best.bearing_deg == 180.0
 
 
-def test_what_was_not_seen_comes_after_what_is_clear_and_only_if_asked_for() -> None:
-    states = {(180, 60.0): int(SAFE)}
-    corridors = made(states, all_of=int(UNKNOWN))
+def test_what_was_not_seen_counts_only_if_asked_for() -> None:
+    corridors = made({(180, 60.0): int(SAFE)}, all_of=int(UNKNOWN))
     assert [path.bearing_deg for path in found(corridors)] == [180.0]
-    with_unseen = found(corridors, least_state=int(UNKNOWN))
-    assert with_unseen[0].bearing_deg == 180.0
-    assert len(with_unseen) == 72
+    assert {path.slope_deg for path in found(corridors, least_state=int(UNKNOWN))} == {10.0}
+
+
+def test_of_like_slopes_the_clear_one_is_flown() -> None:
+    corridors = made({(180, 10.0): int(SAFE)}, all_of=int(UNKNOWN))
+    assert found(corridors, least_state=int(UNKNOWN))[0].bearing_deg == 180.0
 
 
 def test_a_bearing_tried_in_vain_and_those_beside_it_are_left_out() -> None:
