@@ -475,6 +475,17 @@ class Parameters(BaseModel):
         _in(3, 500),
         Spec("SLZ_SURV_H", "m", OURS, "Lowest height above the take-off point to survey at.", live=True),
     ] = 15.0
+    max_airspeed_ms: Annotated[
+        float,
+        _in(1, 100),
+        Spec(
+            "SLZ_MAX_ASPD",
+            "m/s",
+            OURS,
+            "Greatest airspeed: with the wind it tells how soon a zone can be reached.",
+            live=True,
+        ),
+    ] = 15.0
     search_legs_m: Annotated[
         float,
         _in(0, 5000),

@@ -22,6 +22,7 @@ from companion.flight.landing.situation import (
     VehicleCommands,
 )
 from companion.flight.landing.ways.approach_path import ApproachPath
+from companion.flight.landing.ways.endurance import Endurance
 from companion.flight.landing.wind.into_wind import IntoWind
 from companion.flight.landing.wind.wind_limit import WindLimit
 from companion.flight.landing.zone_choice import must_be_confirmed, soonest
@@ -51,6 +52,8 @@ class LandingState:
         The approach path of the descent, None while that is straight down.
     into_wind, wind_limit
         Heading into the wind, and whether gusts exceed `max_wind_ms`.
+    endurance
+        How long the battery lasts.
     keeps_request
         The last landing was broken off for a reason that is not its point's: it is tried again.
     safe_since_ns
@@ -71,6 +74,7 @@ class LandingState:
         self.aim, self.route = Aim(), Route(parameters)
         self.selection, self.outage = PointSelection(), Outage()
         self.into_wind, self.wind_limit = IntoWind(), WindLimit()
+        self.endurance = Endurance()
         self.path: ApproachPath | None = None
         self.keeps_request = False
         self.request: LandingRequest | None = None
@@ -265,6 +269,12 @@ class LandingState:
 
     def soonest_zone(self, s: Situation) -> Zone | None:
         """Return the usable zone that is reached soonest, None without one."""
+        found = self.soonest_zone_and_s(s)
+        return None if found is None else found[0]
+
+    def soonest_zone_and_s(self, s: Situation) -> tuple[Zone, float] | None:
+        """Return the usable zone that is reached soonest, and the time until touchdown (s)."""
         if s.report is None or s.position_enu_m is None:
             return None
-        return soonest(s.report, self.refused, self.parameters, s.position_enu_m)
+        endurance_s = self.endurance.left_s(s.now_ns)
+        return soonest(s.report, self.refused, self.parameters, s.position_enu_m, s.wind, endurance_s)

@@ -114,6 +114,19 @@ class VehicleCommands:
 
 
 @dataclass(frozen=True, slots=True)
+class Emergency:
+    """Where an emergency order would land: zone, time until touchdown, and whether the battery lasts.
+
+    seconds: infinite where the wind is too strong for every zone. within_battery: None while it is unknown
+    how long the battery lasts.
+    """
+
+    zone_id: int
+    seconds: float
+    within_battery: bool | None
+
+
+@dataclass(frozen=True, slots=True)
 class Reply:
     """Answer to an operator: accepted or not, and the reason; asks: refused until it is confirmed."""
 
