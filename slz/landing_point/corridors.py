@@ -106,8 +106,8 @@ def corridors(
         clear_over(top, safe, *place, radius_m, SPREAD, to_m, float(slopes[0]), tangents, obstacles)
     floor = np.array([enu_m[0], enu_m[1], floor_m])
     shape = radius_m, SPREAD, p.vehicle_height_m, reach_m
-    unseen = air.unseen(floor, float(enu_m[2]) + high_m, slopes, shape, BEARINGS)
+    blocked = (tangents[:, np.newaxis] > slopes) | np.isinf(tangents)[:, np.newaxis]
+    unseen = air.unseen(floor, float(enu_m[2]) + high_m, slopes, shape, blocked)
     states[~unseen] = SAFE
-    states[tangents[:, np.newaxis] > slopes] = UNSAFE
-    states[np.isinf(tangents)] = UNSAFE
+    states[blocked] = UNSAFE
     return Corridors(enu_m, slopes_deg, states, np.degrees(np.arctan(tangents)), obstacles)
