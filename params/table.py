@@ -475,6 +475,28 @@ class Parameters(BaseModel):
         _in(3, 500),
         Spec("SLZ_SURV_H", "m", OURS, "Lowest height above the take-off point to survey at.", live=True),
     ] = 15.0
+    max_airspeed_ms: Annotated[
+        float,
+        _in(1, 100),
+        Spec(
+            "SLZ_MAX_ASPD",
+            "m/s",
+            OURS,
+            "Greatest airspeed: with the wind it tells how soon a zone can be reached.",
+            live=True,
+        ),
+    ] = 15.0
+    search_legs_m: Annotated[
+        float,
+        _in(0, 5000),
+        Spec(
+            "SLZ_LEGS_M",
+            "m",
+            OURS,
+            "Distance between the legs of the search for a zone; 0 is 1.6 times the mapping reach.",
+            live=True,
+        ),
+    ] = 0.0
     approach_speed_ms: Annotated[
         float,
         _in(0.2, 50),
@@ -539,6 +561,16 @@ class Parameters(BaseModel):
             live=True,
         ),
     ] = 1.5
+    approach_path: Annotated[
+        Literal["vertical", "sloped"],
+        Spec(
+            "SLZ_APPR_PATH",
+            "",
+            OURS,
+            "Way down: straight down where that is clear, or along the least steep clear way in.",
+            live=True,
+        ),
+    ] = "vertical"
     into_wind: Annotated[
         Literal["on", "off"],
         Spec(

@@ -30,6 +30,7 @@ from slz.points.outliers import (
     not_isolated,
 )
 from slz.points.registration import Offset, offset
+from slz.points.solid_ground import NOTHING, most_spread_m, solid_ground
 from slz.points.sway import sway
 from slz.prior import Prior
 from slz.prior import Source as PriorSource
@@ -247,18 +248,19 @@ class DefaultMethod:
 
         The drift of the used points moves its datum.
         """
-        tiles, found = near.tiles, Offset()
-        points, isolated = kept.points, kept.isolated
-        registers = self._p.register_m > 0 and is_known(sensor)
+        p, tiles, which = self._p, near.tiles, np.flatnonzero(used)
+        registers = p.register_m > 0 and is_known(sensor)
+        ground, found = NOTHING, Offset()
         if registers:
-            found = offset(points, np.flatnonzero(used), sensor, tiles, self._p.register_m)
-        points = found.removed_from(points, sensor, tiles.datum_m)
-        isolated = found.removed_from(isolated, sensor, tiles.datum_m)
+            ground = solid_ground(kept.points, which, sensor, tiles, near.terrain.noise, most_spread_m(p))
+            found = offset(ground, sensor, p.register_m)
+        points = found.removed_from(kept.points, sensor, tiles.datum_m)
+        isolated = found.removed_from(kept.isolated, sensor, tiles.datum_m)
         tiles.datum_m += found.up_m
         if not registers or window.origin is None or window.origins_enu_m is None or kept.source is None:
             return points, isolated
         scan, of_isolated = window.origin[kept.source], window.origin[kept.isolated_source]
-        swayed = sway(points, np.flatnonzero(used), scan, window.origins_enu_m, tiles)
+        swayed = sway(points, which, scan, window.origins_enu_m, tiles, ground)
         return swayed.removed_from(points, scan), swayed.removed_from(isolated, of_isolated)
 
     def _contradictions(

@@ -25,7 +25,12 @@ def demo(
             "lakes, ponds, river, flooded_field, car_park_dry, car_park_wet, flat_roofs, maize, snowfield."
         ),
     ] = "stadium",
-    sensor: Annotated[str, typer.Option(help="lidar, flash, radar or lidar+radar.")] = "lidar",
+    sensor: Annotated[
+        str | None,
+        typer.Option(
+            help="lidar, opal, flash, radar or lidar+radar; by default lidar (a Mid-360), or opal above 40 m."
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of scene, wind and noise.")] = 1,
     speedup: Annotated[
         float, typer.Option(help="Simulated seconds per second; 0 is as fast as possible.")
@@ -53,7 +58,8 @@ def demo(
     set_up_logging(verbose)
     from companion.desk.demo import demonstration
 
-    chosen = demonstration.sensor_named(sensor)
+    high_m = params.load(profile, setting).survey_height_m
+    chosen = demonstration.sensor_named(sensor or demonstration.usual_sensor(high_m))
     parameters = params.load(profile, [*chosen.settings_for(scene), *setting])
     compile_at_first(parameters.mode)
     plan = demonstration.DemoOptions(

@@ -153,7 +153,7 @@ class Companion:
         self.feed.on_new_map.subscribe(self.streams.forget)
         self.modes = ModeRequests(self.link, self.executive)
         self._execution = CommandExecution(
-            self.link, self.history, self.worker, self.streams, self.modes, parameters.lidar_min_m
+            self.link, self.history, self.worker, self.streams, self.modes, parameters
         )
         self.order_desk = OrderDesk(self.executive, self.situation, parameters.zone_m)
         self.link.on_command(MavlinkOrders(self.order_desk, lambda: self.history.frame).answer)

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.axes import enu_from_level
-from companion.flight.landing.look_ahead import LEVEL_M, limit_velocity
+from companion.flight.landing.look_ahead import LEVEL_M, half_width_m, limit_velocity
 from companion.flight.landing.situation import Situation, VehicleCommands
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mode_requests import ModeRequests
 from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.outputs.setpoint import offboard_signal, velocity_setpoint
+from params import Parameters
 
 log = logging.getLogger(__name__)
 
@@ -27,13 +28,13 @@ class CommandExecution:
 
     Parameters
     ----------
-    lidar_min_m
-        Nearest range of the LiDAR: what is nearer is not seen.
+    parameters
+        Nearest range of the LiDAR: what is nearer is not seen. Sizes of the vehicle.
 
     Attributes
     ----------
-    blocked
-        Something is in the way that the last velocity led.
+    blocked, blocked_above
+        Something is in the way that the last velocity led, ahead or above.
     """
 
     def __init__(
@@ -43,13 +44,13 @@ class CommandExecution:
         worker: PipelineWorker,
         streams: MessageSchedule,
         modes: ModeRequests,
-        lidar_min_m: float,
+        parameters: Parameters,
     ) -> None:
         self._link, self._history, self._worker = link, history, worker
         self._streams, self._modes = streams, modes
-        self._lidar_min_m = lidar_min_m
+        self._lidar_min_m, self._aside_m = parameters.lidar_min_m, half_width_m(parameters)
         self._last_open_ns = 0
-        self.blocked = False
+        self.blocked = self.blocked_above = False
 
     def execute(self, commands: VehicleCommands, situation: Situation) -> None:
         """Carry out the commands of this moment."""
@@ -86,11 +87,12 @@ class CommandExecution:
         self, velocity_enu_ms: NDArray[np.float64], situation: Situation
     ) -> NDArray[np.float64]:
         """Return the velocity that stops before what was seen ahead."""
-        self.blocked = False
+        self.blocked = self.blocked_above = False
         pose = self._history.latest(situation.now_ns)
         if pose is None or not velocity_enu_ms.any():
             return velocity_enu_ms
         axes = enu_from_level(pose)
         around = self._streams.around_level_m(pose, situation.now_ns, LEVEL_M)
-        velocity, self.blocked = limit_velocity(velocity_enu_ms @ axes, around, self._lidar_min_m)
-        return np.asarray(axes @ velocity)
+        limited = limit_velocity(velocity_enu_ms @ axes, around, self._lidar_min_m, self._aside_m)
+        self.blocked, self.blocked_above = limited.blocked, limited.blocked_above
+        return np.asarray(axes @ limited.velocity_frd_ms)

@@ -56,6 +56,7 @@ class DecisionLoop:
             self._feed.begin_frame()
             self._on_new_frame()
         self._situations.blocked = self._execution.blocked
+        self._situations.blocked_above = self._execution.blocked_above
         situation, vehicle = self._situations.situation(), flight.link.vehicle
         commands = flight.executive.step(situation)
         self._restart.update(

@@ -31,8 +31,8 @@ class SituationSource:
     ----------
     newest
         The newest report of the present map, None before the first.
-    blocked
-        Something is in the way that the last velocity led.
+    blocked, blocked_above
+        Something is in the way that the last velocity led, ahead or above.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class SituationSource:
         self._lidar, self._radar, self._fitness = lidar, radar, fitness
         self._wind = wind
         self.newest: Report | None = None
-        self.blocked = False
+        self.blocked = self.blocked_above = False
         self._last_scan_ns: int | None = None
         self._last_report_ns: int | None = None
 
@@ -94,6 +94,7 @@ class SituationSource:
             selected=None if report is None else report.selected,
             battery_pct=vehicle.battery_pct,
             blocked=self.blocked,
+            blocked_above=self.blocked_above,
             heard=self._mode_is_known(now),
             epoch=self._history.epoch if pose is None else pose.epoch,
             no_map_reason=self._no_map_reason(now),

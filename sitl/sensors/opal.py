@@ -19,7 +19,7 @@ from sitl.sensors.sensor_clock import Clock
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
-HALF_CONE_DEG = 30.0
+HALF_CONE_DEG = 60.0
 PRISMS_HZ = 71.0, -43.7
 REACH = Reach(blind_m=1.0, most_m=1000.0, at_10_percent_m=350.0, at_80_percent_m=1000.0)
 NOISE = Noise(range_sigma_m=0.02, angle_sigma_deg=0.02)

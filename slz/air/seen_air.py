@@ -68,9 +68,9 @@ class SeenAir:
         ceiling_m: float,
         tangents: NDArray[np.float64],
         shape: tuple[float, float, float, float],
-        bearings: int,
+        blocked: NDArray[np.bool_],
     ) -> NDArray[np.bool_]:
-        """Return (bearings, slopes) whether a corridor to a point leads through air that was not seen.
+        """Return (bearings, slopes) whether a corridor to a point is blocked or leads through unseen air.
 
         Parameters
         ----------
@@ -80,8 +80,10 @@ class SeenAir:
             (slopes,) of the corridors, infinite for straight up.
         shape
             Radius, spread and height of what flies (`slz.kernels.air.swept_disc`), and reach.
+        blocked
+            (bearings, slopes) of the corridors that are known to be blocked: nothing else matters there.
         """
-        out = np.zeros((bearings, len(tangents)), np.bool_)
+        out = blocked.copy()
         fewest = min(255, math.ceil(RAYS_PER_M2 * self.voxel_m**2))
         east, north, floor = point_enu_m.tolist()
         heights = floor - self._datum_m, ceiling_m - self._datum_m

@@ -109,13 +109,12 @@ def corridors(
         corner = grid.south_m + box.row0 * grid.cell_m, grid.west_m + box.col0 * grid.cell_m
         place = *corner, grid.cell_m, float(enu_m[0]), float(enu_m[1]), floor_m
         clear_over(top, safe, *place, radius_m, SPREAD, to_m, float(slopes[0]), tangents, obstacles)
+    blocked = (tangents[:, np.newaxis] > slopes) | np.isinf(tangents)[:, np.newaxis]
     if air is not None:
         floor = np.array([enu_m[0], enu_m[1], floor_m])
         shape = radius_m, SPREAD, p.vehicle_height_m, reach_m
-        unseen = air.unseen(floor, float(enu_m[2]) + high_m, slopes, shape, BEARINGS)
-        states[~unseen] = SAFE
-    states[tangents[:, np.newaxis] > slopes] = UNSAFE
-    states[np.isinf(tangents)] = UNSAFE
+        states[~air.unseen(floor, float(enu_m[2]) + high_m, slopes, shape, blocked)] = SAFE
+    states[blocked] = UNSAFE
     return Corridors(enu_m, slopes_deg, states, np.degrees(np.arctan(tangents)), obstacles)
 
 

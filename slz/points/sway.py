@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.points.registration import FEWEST_SPREAD_M, median, robust_plane
+from slz.points.registration import FEWEST_SPREAD_M, median, robust_plane, wide_axes
+from slz.points.solid_ground import SolidGround
 from slz.terrain.tiles import Tiles
 
 Floats = NDArray[np.float64]
@@ -21,13 +22,14 @@ Scans = NDArray[np.uint16]
 MOST_SPANS = 40  # of a window; more scans are taken together
 PER_SPAN = 200  # returns compared with the map: their mean is better than two millimetres
 FEWEST_RETURNS = 60
-KNOWN_SHARE = 0.5  # of a span's returns over known ground, from which on its tilt is told
+KNOWN_SHARE = 0.5  # of a span's returns over solid ground, from which on its tilt is told
 AGREE_SHARE = 0.5  # of them, that agree with the fit
 LEAST_M = 0.01  # standard deviation of the spans' heights that is no noise
 LEAST_VIEW_M = 1.0  # standard deviation of the places; a line or a narrow view may be filled by an object
 MOST_M, MOST_TILT_RAD = 0.2, np.radians(2.0)  # what moves a span by more is an object that fills its view
 MOST_STEP_M = 0.05  # from span to span; a vehicle sways by 0.03 m in a tenth of a second
 ROUNDS = 3
+BOTH, NEITHER = np.eye(2), np.empty((2, 0))  # axes along which a slope is fitted
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +58,12 @@ class Sway:
 
 
 def sway(
-    points_enu_m: Floats, used: NDArray[np.intp], scan: Scans, origins_enu_m: Floats, tiles: Tiles
+    points_enu_m: Floats,
+    used: NDArray[np.intp],
+    scan: Scans,
+    origins_enu_m: Floats,
+    tiles: Tiles,
+    ground: SolidGround,
 ) -> Sway:
     """Return the sway of a window that is registered as a whole; none where it is no more than noise.
 
@@ -69,13 +76,15 @@ def sway(
         (n, 3) in stored heights, and (m,) indices of those to use.
     scan, origins_enu_m
         (n,) scan of each point, (k, 3) position of the sensor in each.
+    ground
+        Solid ground below the window, which alone is compared.
     """
     n_scans = len(origins_enu_m)
     n = min(n_scans, MOST_SPANS)
     of_scan = np.arange(n_scans) * n // max(1, n_scans)
     origins = origins_enu_m[np.searchsorted(of_scan, np.arange(n))]
     offsets = np.zeros((n, 3))
-    found, span, compared = _compared(points_enu_m, used, of_scan[scan[used]], n, tiles)
+    found, span, known = _compared(points_enu_m, used, of_scan[scan[used]], n, tiles, ground)
     ends = np.searchsorted(span, np.arange(n + 1))
     told = np.flatnonzero(np.diff(ends) >= FEWEST_RETURNS)
     heights = [median(found[ends[k] : ends[k + 1], 2]) for k in told]
@@ -85,11 +94,10 @@ def sway(
     for k in told:
         own = found[ends[k] : ends[k + 1]]
         places = own[:, :2] - origins[k, :2]
-        view_m = float(places.std(axis=0).min())
-        if not view_m >= LEAST_VIEW_M:  # NaN where the sensor's position is unknown
-            continue
-        level = len(own) < KNOWN_SHARE * compared[k] or view_m < FEWEST_SPREAD_M
-        offset, share = robust_plane(places, own[:, 2], level, ROUNDS)
+        if not np.isfinite(places).all() or wide_axes(places, LEAST_VIEW_M).shape[1] < 2:
+            continue  # the sensor's position is unknown, or an object may fill the view
+        tells = known[k] >= KNOWN_SHARE and wide_axes(places, FEWEST_SPREAD_M).shape[1] == 2
+        offset, share = robust_plane(places, own[:, 2], BOTH if tells else NEITHER, ROUNDS)
         if share >= AGREE_SHARE and abs(offset[0]) <= MOST_M and np.hypot(*offset[1:]) <= MOST_TILT_RAD:
             offsets[k] = offset
             good.append(k)
@@ -103,15 +111,23 @@ def sway(
 
 
 def _compared(
-    points_enu_m: Floats, used: NDArray[np.intp], span: NDArray[np.intp], n: int, tiles: Tiles
-) -> tuple[Floats, NDArray[np.intp], NDArray[np.intp]]:
-    """Return what `Tiles.differences` says of returns of each span in turn: (m, 4).
+    points_enu_m: Floats,
+    used: NDArray[np.intp],
+    span: NDArray[np.intp],
+    n: int,
+    tiles: Tiles,
+    ground: SolidGround,
+) -> tuple[Floats, NDArray[np.intp], Floats]:
+    """Return what `Tiles.differences` says of returns over solid ground of each span in turn: (m, 4).
 
-    Then their spans (m,), and how many of each span were compared (n,).
+    Then their spans (m,), and the share of each span's returns that are over solid ground (n,).
     """
+    on = ground.holds(points_enu_m, used)
+    count = np.bincount(span, minlength=n)
+    used, span = used[on], span[on]
     order = np.argsort(span, kind="stable")
     ends = np.searchsorted(span[order], np.arange(n + 1)).tolist()
     parts = [order[a:b][:: max(1, (b - a) // PER_SPAN)] for a, b in itertools.pairwise(ends)]
     some = np.concatenate(parts)
     found = tiles.differences(points_enu_m[used[some]])
-    return found, span[some[found[:, 3].astype(np.intp)]], np.array([len(part) for part in parts])
+    return found, span[some[found[:, 3].astype(np.intp)]], np.diff(ends) / np.maximum(count, 1)

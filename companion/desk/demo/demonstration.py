@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.status import Status
 from rich.table import Table
 
-from companion.desk.demo.demo_sensors import SENSORS, DemoSensor, sensor_named
+from companion.desk.demo.demo_sensors import SENSORS, DemoSensor, sensor_named, usual_sensor
 from companion.desk.evaluation import area_error, read_truth, touchdown
 from companion.flight.app import Companion
 from companion.flight.landing.situation import Phase
@@ -35,7 +35,7 @@ from params import Parameters
 if TYPE_CHECKING:
     from companion.flight.dashboard.page import PageEndpoint
 
-__all__ = ["DemoOptions", "fly", "sensor_named", "table"]
+__all__ = ["DemoOptions", "fly", "sensor_named", "table", "usual_sensor"]
 
 log = logging.getLogger(__name__)
 

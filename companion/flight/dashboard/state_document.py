@@ -12,7 +12,7 @@ from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.axes import heading_rad
 from companion.flight.geometry.pose import Pose
 from companion.flight.geometry.wind import Wind
-from companion.flight.landing.situation import COMMANDING
+from companion.flight.landing.situation import COMMANDING, Emergency
 from companion.flight.link.vehicle_state import VehicleState
 
 LATENCIES = 300
@@ -47,6 +47,7 @@ def state(flight: FlightView) -> dict[str, Any]:
         "unfit": list(flight.fitness.texts),
         **_motion(pose),
         "wind": _wind(s.wind),
+        "emergency": _emergency(executive.emergency(s)),
         "height_m": _finite(flight.streams.height_m, 1),
         "height_home_m": _finite(s.height_above_home_m, 1),
         "aim_enu_m": None if aim is None else [_finite(v, 2) for v in aim],
@@ -80,11 +81,23 @@ def replayed(history: PoseHistory, vehicle: VehicleState, at_ns: int) -> dict[st
         "unfit": [],
         **_motion(pose),
         "wind": None,
+        "emergency": None,
         "height_m": None,
         "height_home_m": _finite(vehicle.relative_alt_m, 1),
         "aim_enu_m": None,
         "aborts": 0,
         "reboots": vehicle.reboots,
+    }
+
+
+def _emergency(emergency: Emergency | None) -> dict[str, Any] | None:
+    """Return where the emergency order would land, None without a zone."""
+    if emergency is None:
+        return None
+    return {
+        "zone": emergency.zone_id,
+        "seconds": _finite(emergency.seconds, 0),
+        "within_battery": emergency.within_battery,
     }
 
 

@@ -31,6 +31,7 @@ from companion.flight.landing.phases.survey import Survey
 from companion.flight.landing.phases.waiting import Waiting
 from companion.flight.landing.situation import (
     COMMANDING,
+    Emergency,
     LandingRequest,
     Phase,
     Reply,
@@ -124,6 +125,16 @@ class Executive:
             return False
         newest = self.state.selection.enu_m
         return newest is None or same_place(newest, enu_m)
+
+    def emergency(self, situation: Situation) -> Emergency | None:
+        """Return where an emergency order would land now, None without a zone."""
+        state = self.state
+        found = state.soonest_zone_and_s(situation)
+        if found is None:
+            return None
+        zone, seconds = found
+        endurance_s = state.endurance.left_s(situation.now_ns)
+        return Emergency(zone.id, seconds, None if endurance_s is None else seconds <= endurance_s)
 
     # ---- operator -------------------------------------------------------------------------------
 
@@ -259,6 +270,7 @@ class Executive:
         self._jump.follow(s)
         state.aim.measure(s.position_enu_m, s.selected)
         state.follow_wind(s)
+        state.endurance.follow(s.now_ns, s.battery_pct)
         state.hand_over.follow(s)
         self._battery.update(s)
         commands = self._withdrawal.reclassify_as_failsafe(s) or self._reaction(s)

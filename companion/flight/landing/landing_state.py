@@ -21,11 +21,13 @@ from companion.flight.landing.situation import (
     Vector,
     VehicleCommands,
 )
+from companion.flight.landing.ways.approach_path import ApproachPath
+from companion.flight.landing.ways.endurance import Endurance
 from companion.flight.landing.wind.into_wind import IntoWind
 from companion.flight.landing.wind.wind_limit import WindLimit
 from companion.flight.landing.zone_choice import must_be_confirmed, soonest
 from params import Parameters
-from slz import PointState, Zone
+from slz import Corridors, PointState, Zone
 
 SECOND = 1_000_000_000
 STUCK_NS = 60 * SECOND  # beyond twice the travel time of a phase
@@ -46,8 +48,12 @@ class LandingState:
         Present phase, its beginning, and its time limit.
     request, started_ns, refused
         The accepted request, its time, and the points that its landing broke off from.
+    path
+        The approach path of the descent, None while that is straight down.
     into_wind, wind_limit
         Heading into the wind, and whether gusts exceed `max_wind_ms`.
+    endurance
+        How long the battery lasts.
     keeps_request
         The last landing was broken off for a reason that is not its point's: it is tried again.
     safe_since_ns
@@ -68,6 +74,8 @@ class LandingState:
         self.aim, self.route = Aim(), Route(parameters)
         self.selection, self.outage = PointSelection(), Outage()
         self.into_wind, self.wind_limit = IntoWind(), WindLimit()
+        self.endurance = Endurance()
+        self.path: ApproachPath | None = None
         self.keeps_request = False
         self.request: LandingRequest | None = None
         self.refused: list[Vector] = []
@@ -165,6 +173,8 @@ class LandingState:
                 way_s = self.aim.away_m / self.parameters.approach_speed_ms
             case Phase.DESCEND:
                 way_s = self.aim.height_left_m / self.parameters.descent_speed_ms
+                if self.path is not None:
+                    way_s += self.path.length_m / self.parameters.approach_speed_ms
             case Phase.FINAL:
                 way_s = self.aim.height_left_m / LANDING_MS
             case Phase.CLIMB | Phase.HOLD if s.position_enu_m is not None:
@@ -238,6 +248,11 @@ class LandingState:
             return None
         return None if request is not None and request.confirmed is surface.kind else surface.text
 
+    def corridors(self, s: Situation) -> Corridors | None:
+        """Return the ways in and out of the point in the newest report, None while they are not judged."""
+        selected = s.selected
+        return None if selected is None or not self.aim.is_at(selected) else selected.corridors
+
     def may_be_water(self, s: Situation) -> bool:
         """Return whether the newest report suspects water at the point."""
         selected = s.selected
@@ -254,6 +269,12 @@ class LandingState:
 
     def soonest_zone(self, s: Situation) -> Zone | None:
         """Return the usable zone that is reached soonest, None without one."""
+        found = self.soonest_zone_and_s(s)
+        return None if found is None else found[0]
+
+    def soonest_zone_and_s(self, s: Situation) -> tuple[Zone, float] | None:
+        """Return the usable zone that is reached soonest, and the time until touchdown (s)."""
         if s.report is None or s.position_enu_m is None:
             return None
-        return soonest(s.report, self.refused, self.parameters, s.position_enu_m)
+        endurance_s = self.endurance.left_s(s.now_ns)
+        return soonest(s.report, self.refused, self.parameters, s.position_enu_m, s.wind, endurance_s)

@@ -17,6 +17,9 @@ from slz.points.mapping_reach import reach_m
 BLOCKED_NS = 2_000_000_000
 STEP_UP_M, MOST_UP_M = 5.0, 30.0  # step and total of the climb over an obstacle
 AT_CORNER_M = 3.0
+LEGS_APART = (
+    1.6  # times what is seen to each side: up to the mapping reach, at most within 45 degrees of the nadir
+)
 TURN_M = 6.0  # within this distance the heading is kept
 
 
@@ -75,7 +78,8 @@ class Route:
 
     def _search(self, about_m: Vector) -> None:
         self._corner = about_m
-        self._corners = expanding_square(float(about_m[0]), float(about_m[1]), 1.6 * reach_m(self._p))
+        apart_m = self._p.search_legs_m or LEGS_APART * reach_m(self._p)
+        self._corners = expanding_square(float(about_m[0]), float(about_m[1]), apart_m)
 
     def to_corner(self, position_enu_m: Vector, way: Way) -> Vector:
         """Return the offset (2,) to the corner, or to the next one if it is reached or the way too high."""

@@ -51,8 +51,9 @@ class Situation:
     guided, landing: the autopilot is in the mode that obeys setpoints, or in its landing mode. on_ground:
     None if not reported. lidar_ok: scans arrive and are georeferenced. no_map_reason: why scans or map
     are missing; valid while lidar_ok is False. report: the newest one, or None. battery_pct: charge left,
-    None if not reported. blocked: an obstacle in the direction of the last velocity. heard: a heartbeat a
-    moment ago confirms the mode. epoch: changes with each jump of the position estimate.
+    None if not reported. blocked, blocked_above: an obstacle in the direction of the last velocity, ahead or
+    above. heard: a heartbeat a moment ago confirms the mode. epoch: changes with each jump of the position
+    estimate.
 
     failsafe: reported by the autopilot. breached: outside its fence. estimate_lost: parts of the estimate
     that were valid and are lost. gps_lost: the receiver lost its fix; the estimate drifts. cause: reason of
@@ -93,6 +94,7 @@ class Situation:
     heading_rad: float | None = None
     below: SurfaceHere = UNKNOWN_SURFACE
     wind: Wind | None = None
+    blocked_above: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +111,19 @@ class VehicleCommands:
     target_enu_m: Vector | None = None
     select_enu_m: Vector | None = None
     texts: tuple[tuple[Severity, str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Emergency:
+    """Where an emergency order would land: zone, time until touchdown, and whether the battery lasts.
+
+    seconds: infinite where the wind is too strong for every zone. within_battery: None while it is unknown
+    how long the battery lasts.
+    """
+
+    zone_id: int
+    seconds: float
+    within_battery: bool | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 
 import numpy as np
 
+from companion.flight.geometry.wind import Wind
 from companion.flight.landing.situation import Vector
+from companion.flight.landing.ways.reach_time import reach_time_s
 from params import Parameters
 from slz import Report, SurfaceHere, Zone
 
@@ -46,25 +49,47 @@ def confirmable(zones: Sequence[Zone], parameters: Parameters) -> Zone | None:
 
 
 def soonest(
-    report: Report, refused_enu_m: Sequence[Vector], parameters: Parameters, position_enu_m: Vector
-) -> Zone | None:
-    """Return the nearest usable zone of the near map, else of the far one, else of the survey prior.
+    report: Report,
+    refused_enu_m: Sequence[Vector],
+    parameters: Parameters,
+    position_enu_m: Vector,
+    wind: Wind | None = None,
+    endurance_s: float | None = None,
+) -> tuple[Zone, float] | None:
+    """Return the usable zone reached soonest, with the time in s: of the near map, the far one, or the prior.
 
-    Only where none of them has one, those that need a confirmation count: roofs, low vegetation.
+    A map counts only where those before it have no zone that the wind and the battery let the vehicle reach;
+    zones that need a confirmation (roofs, low vegetation) only where no map has another. Where none is
+    within reach, the soonest of all is the best that is left.
+
+    Parameters
+    ----------
+    wind
+        None while it is unknown.
+    endurance_s
+        How long the battery lasts, None while that is unknown.
     """
     prior = () if report.prior is None else report.prior.zones
     least = parameters.min_certainty
     maps = ((report.zones, least), (report.far.zones, least), (prior, 0.0))
+    limit_s = math.inf if endurance_s is None else endurance_s
+    left: list[tuple[float, Zone]] = []
     for confirm, (zones, certainty) in itertools.product((False, True), maps):
-        usable = [
-            zone
+        timed = [
+            (reach_time_s(position_enu_m, zone.best.enu_m, parameters, wind), zone)
             for zone in zones
             if _usable(zone, refused_enu_m, certainty)
             and must_be_confirmed(zone.best.surface, parameters) is confirm
         ]
-        if usable:
-            return min(usable, key=lambda zone: float(np.hypot(*(zone.best.enu_m - position_enu_m)[:2])))
-    return None
+        if timed:
+            seconds, zone = min(timed, key=lambda one: one[0])
+            if seconds <= limit_s and math.isfinite(seconds):
+                return zone, seconds
+            left.append((seconds, zone))
+    if not left:
+        return None
+    seconds, zone = min(left, key=lambda one: one[0])
+    return zone, seconds
 
 
 def must_be_confirmed(surface: SurfaceHere, parameters: Parameters) -> bool:

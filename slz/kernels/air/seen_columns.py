@@ -72,6 +72,42 @@ def follow_rays(
 
 
 @kernel
+def mark_unseen_lines(
+    passed: Array3D[np.uint8],
+    column: Array3D[np.int32],
+    voxel: float,
+    east: float,
+    north: float,
+    floor: float,
+    ceiling: float,
+    tangents: ReadOnly1D[np.float64],
+    reach: float,
+    fewest: int,
+    unseen: Array2D[np.bool_],
+) -> None:
+    """Mark the bearings and slopes whose middle line leads through a voxel that too few rays passed.
+
+    It is a part of the corridor, which need not be looked at then; see `unseen_slopes` for the parameters.
+    """
+    bearings, mask = unseen.shape[0], SIDE - 1
+    for k in range(bearings):
+        eastward, northward = np.sin(2 * np.pi * k / bearings), np.cos(2 * np.pi * k / bearings)
+        for s in range(len(tangents)):
+            away = 0.0
+            while not unseen[k, s] and tangents[s] != np.inf and away <= reach:
+                height = floor + away * tangents[s]
+                if height >= ceiling:
+                    break
+                r = int(np.floor((north + away * northward) / voxel))
+                c = int(np.floor((east + away * eastward) / voxel))
+                a, b = r & mask, c & mask
+                level = int(np.floor(height / voxel)) - int(column[a, b, BASE])
+                known = column[a, b, ROW] == r and column[a, b, COL] == c
+                unseen[k, s] = not (known and 0 <= level < LEVELS and passed[a, b, level] >= fewest)
+                away += voxel
+
+
+@kernel
 def unseen_slopes(
     passed: Array3D[np.uint8],
     column: Array3D[np.int32],
@@ -97,13 +133,37 @@ def unseen_slopes(
     floor, ceiling, reach
         Height at which corridors begin and end, and how far they lead.
     unseen
-        (bearings, slopes), marked True.
+        (bearings, slopes), marked True; what is marked already is not looked at.
     """
     bearings, half, mask = unseen.shape[0], voxel * np.sqrt(0.5), SIDE - 1
     width = 2 * np.pi / bearings
     cells = int(min(np.ceil(reach / voxel), SIDE // 2 - 1))
     row, col = int(np.floor(north / voxel)), int(np.floor(east / voxel))
     top = int(np.floor(ceiling / voxel))
+    mark_unseen_lines(
+        passed,
+        column,
+        voxel,
+        east,
+        north,
+        floor,
+        ceiling,
+        tangents,
+        min(reach, cells * voxel),
+        fewest,
+        unseen,
+    )
+    left, farthest = np.zeros(bearings, np.int64), 0.0
+    for k in range(bearings):
+        for s in range(len(tangents)):
+            if not unseen[k, s]:
+                left[k] += 1
+                level = 0.0 if tangents[s] == np.inf else max(0.0, ceiling - floor) / tangents[s]
+                farthest = max(farthest, level + radius + spread * level)
+    if left.sum() == 0:
+        return
+    reach = min(reach, farthest)
+    cells = min(cells, int(np.ceil((reach + half) / voxel)) + 1)
     for r in range(row - cells, row + cells + 1):
         for c in range(col - cells, col + cells + 1):
             x, y = (c + 0.5) * voxel - east, (r + 0.5) * voxel - north
@@ -123,6 +183,8 @@ def unseen_slopes(
             steps, bearing = bearings_within(away, radius + half, spread, width), np.arctan2(x, y)
             towards = int(np.floor(bearing / width + 0.5))
             for k in range(towards - steps, towards + steps + 1):
+                if left[k % bearings] == 0:
+                    continue
                 turn = k * width - bearing
                 near, far = passes(away * np.cos(turn), away * np.sin(turn), radius + half, spread)
                 if not near <= far:
@@ -146,3 +208,4 @@ def unseen_slopes(
                             seen &= passed[a, b, level] >= fewest
                     if not seen:
                         unseen[k % bearings, s] = True
+                        left[k % bearings] -= 1

@@ -38,6 +38,7 @@ SOURCES = (
     "companion/flight/landing/phases/descent.py",
     "companion/flight/landing/phases/survey.py",
     "companion/flight/landing/phases/waiting.py",
+    "companion/flight/landing/ways/fly_out.py",
     "companion/flight/landing/mavlink_orders.py",
     "companion/flight/landing/operator_order.py",
     "companion/flight/services/order_parameters.py",

@@ -1,6 +1,7 @@
 """Phase approach: fly over the point, look from aside or closer, and turn.
 
-It ends when the vehicle has been over the point, and the point safe, for two seconds.
+When the vehicle has been over the point, and the point safe, for two seconds, it goes straight down, or out
+to where its approach path begins.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from companion.flight.landing.situation import (
     known,
 )
 from companion.flight.landing.touchdown_heading import is_turned, stands_at, touchdown_heading_rad
+from companion.flight.landing.ways.fly_out import FlyOut
 from companion.flight.landing.zone_choice import must_be_confirmed
 from slz import PointState, SurfaceHere, SurfaceKind
 
@@ -42,6 +44,7 @@ class Approach:
     def __init__(self, state: LandingState) -> None:
         self._state = state
         self._aside, self._closer = ObliqueLook(state), CloserLook(state)
+        self._out = FlyOut(state)
         self._over_since_ns: int | None = None  # over the point, in this approach
         self._standing_since_ns: int | None = None  # over the safe point, at a safe heading
         self._warned = False  # of the surface
@@ -56,6 +59,8 @@ class Approach:
         self._over_since_ns = self._standing_since_ns = state.safe_since_ns = None
         self._aside.reset()
         self._closer.reset()
+        self._out.reset()
+        state.path = None
         self._warned = False
         ground = ground_at(s, known(state.aim.enu_m), zone_id)
         named = ground if zone_id is not None else replace(ground, zone_id=None)
@@ -83,6 +88,14 @@ class Approach:
             return state.break_off(f"{unconfirmed}: not confirmed", s)
         if s.selected is not None and state.aim.is_at(s.selected):
             self._warn_of(s.selected.surface)
+        if state.way(s) is Way.TOO_HIGH:
+            return state.break_off("way blocked", s)
+        if s.now_ns > state.late_ns:
+            return state.break_off("point not reached", s)
+        if self._out.path is not None:
+            commands = self._fly_out(s)
+            if commands is not None:
+                return commands
         look, look_ms = self._look(s, judged)
         if look is not None:
             self._over_since_ns = s.now_ns
@@ -93,17 +106,16 @@ class Approach:
         elif state.safe_since_ns is None:
             state.safe_since_ns = s.now_ns
         elif s.now_ns - state.safe_since_ns > STEADY_NS:
-            turned = is_turned(s.selected, s.heading_rad, state.into_wind.heading_rad)
-            state.say(Severity.INFO, "descending" if turned else "descending, not into the wind")
-            state.go(Phase.DESCEND, s)
+            if not self._out.begin(s):
+                return state.break_off("no way in", s)
+            if self._out.goes_down:
+                turned = is_turned(s.selected, s.heading_rad, state.into_wind.heading_rad)
+                state.say(Severity.INFO, "descending" if turned else "descending, not into the wind")
+                state.go(Phase.DESCEND, s)
         patience_ns = WATER_NS if state.may_be_water(s) else UNSEEN_NS
         unseen = self._over_since_ns is not None and s.now_ns - self._over_since_ns > patience_ns
         if over and judged is PointState.UNKNOWN and unseen:
             return state.break_off("point not seen" + state.water_suffix(s), s)
-        if state.way(s) is Way.TOO_HIGH:
-            return state.break_off("way blocked", s)
-        if s.now_ns > state.late_ns:
-            return state.break_off("point not reached", s)
         speed_ms = state.parameters.approach_speed_ms
         if look is not None:
             return state.route.commands_towards(position, look, min(look_ms, speed_ms))
@@ -112,6 +124,22 @@ class Approach:
             into_wind_rad = state.into_wind.heading_rad
             return replace(commands, yaw_rad=touchdown_heading_rad(s.selected, s.heading_rad, into_wind_rad))
         return commands
+
+    def _fly_out(self, s: Situation) -> VehicleCommands | None:
+        """Fly to the beginning of the approach path, and along it from there; None once it is given up."""
+        state, speed_ms = self._state, self._state.parameters.approach_speed_ms
+        offset = self._out.offset(s)
+        path = self._out.path
+        if offset is not None:
+            return state.route.commands_towards(known(s.position_enu_m), offset, speed_ms)
+        self._over_since_ns = self._standing_since_ns = state.safe_since_ns = None
+        if path is None:  # back over the point, to choose again
+            state.restart_limit(s)
+            return None
+        state.path = path
+        state.say(Severity.INFO, f"way in from {path.bearing_deg:.0f} deg, {path.slope_deg:.0f} deg steep")
+        state.go(Phase.DESCEND, s)
+        return VehicleCommands(velocity_enu_ms=STOPPED, yaw_rad=path.inbound_rad)
 
     def _is_turned(self, s: Situation, stands: bool) -> bool:
         """Return whether the vehicle has its touchdown heading, or had time enough to turn to it.

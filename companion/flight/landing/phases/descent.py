@@ -1,4 +1,4 @@
-"""Phases descend and final: sink over the point in guided mode, then watch the autopilot land."""
+"""Phases descend and final: sink over the point, or along an approach path, then watch the autopilot land."""
 
 from __future__ import annotations
 
@@ -16,12 +16,18 @@ from companion.flight.landing.situation import (
     known,
 )
 from companion.flight.landing.touchdown_heading import stands_at, touchdown_heading_rad
+from companion.flight.landing.ways.approach_path import ApproachPath
+from companion.flight.landing.ways.way_choice import is_blocked, straight_down_is_blocked
 from slz import PointState
 
 TARGET_NS = round(2.5 * SECOND)  # landing target streamed before LAND, for the autopilot's estimator
 REQUEST_AGAIN_NS = SECOND  # a request for LAND that shows no effect was refused, or lost on the way
 RESUMED_NS = 8 * SECOND  # a resumed landing may sink this long before its point must be seen safe
 SINK_WITHIN_M, LAND_WITHIN_M = 1.5, 0.7  # horizontal distance to the point for sinking, and for LAND
+TURN_FROM_M = 10.0  # from the point, on an approach path: nearer the vehicle turns to its touchdown heading
+TARGET_FROM_M = 15.0  # from the point, on an approach path: nearer the landing target is streamed
+HOVERS_WITHIN_M = 1.0  # of the height at the end of an approach path
+BLOCKED_NS = SECOND  # something ahead on an approach path, before the landing is broken off
 BELOW_FINAL_M = 1.0  # the descent's floor below `final_height_m`: the vehicle does not slow down before LAND
 
 
@@ -31,6 +37,8 @@ class Descent:
     def __init__(self, state: LandingState) -> None:
         self._state = state
         self._resumed_until_ns = 0
+        self._near_since_ns: int | None = None  # on an approach path: the landing target is streamed
+        self._free_ns = 0  # on an approach path: last time at which nothing was ahead
 
     def resume(self, s: Situation, enu_m: Vector) -> None:
         """Resume watching the autopilot's landing at a point, which a previous companion began."""
@@ -51,6 +59,10 @@ class Descent:
         reason = state.why_not(s) or ("point not reached" if s.now_ns > state.late_ns else None)
         if reason:
             return state.break_off(reason, s)
+        if state.path is not None:
+            return self._on_path(state.path, s)
+        if straight_down_is_blocked(state.corridors(s)) and not state.is_urgent:
+            return state.break_off("way in blocked", s)
         left_m, away_m, target = state.aim.height_left_m, state.aim.away_m, state.aim.on_ground_enu_m
         stands = stands_at(s.selected, s.heading_rad)
         steady = stands and s.now_ns - state.since_ns > TARGET_NS
@@ -64,6 +76,31 @@ class Descent:
         heading = touchdown_heading_rad(s.selected, s.heading_rad, state.into_wind.heading_rad)
         return VehicleCommands(
             velocity_enu_ms=np.array([*horizontal, sink]), yaw_rad=heading, target_enu_m=target
+        )
+
+    def _on_path(self, path: ApproachPath, s: Situation) -> VehicleCommands:
+        """Fly down an approach path, and hand over to LAND from the hover at its end."""
+        state, position = self._state, known(s.position_enu_m)
+        away_m, target = state.aim.away_m, state.aim.on_ground_enu_m
+        if not s.blocked or s.now_ns - state.since_ns < BLOCKED_NS:
+            self._free_ns = s.now_ns
+        if s.now_ns - self._free_ns >= BLOCKED_NS or is_blocked(state.corridors(s), path):
+            return state.break_off("way in blocked", s)
+        if away_m > TARGET_FROM_M or self._near_since_ns is None or self._near_since_ns < state.since_ns:
+            self._near_since_ns = s.now_ns
+        stands = stands_at(s.selected, s.heading_rad)
+        hovers = state.aim.height_left_m <= path.hover_m + HOVERS_WITHIN_M and away_m < LAND_WITHIN_M
+        if hovers and stands and s.now_ns - self._near_since_ns > TARGET_NS:
+            state.say(Severity.INFO, "final: LAND")
+            state.go(Phase.FINAL, s)
+            return VehicleCommands(mode="land", target_enu_m=target)
+        yaw_rad: float | None = path.inbound_rad
+        if away_m < TURN_FROM_M:
+            yaw_rad = touchdown_heading_rad(s.selected, s.heading_rad, state.into_wind.heading_rad)
+        return VehicleCommands(
+            velocity_enu_ms=path.velocity_enu_ms(position, target, state.parameters),
+            yaw_rad=yaw_rad,
+            target_enu_m=target if away_m <= TARGET_FROM_M else None,
         )
 
     def final_commands(self, s: Situation) -> VehicleCommands:

@@ -22,7 +22,7 @@ def ground(n: int, side_m: float = 12.0) -> NDArray[np.float64]:
 
 def is_unseen(air: SeenAir, ceiling_m: float, at: NDArray[np.float64] = FLOOR) -> bool:
     """Return whether the air straight above a place was not seen up to a height."""
-    found = air.unseen(at, ceiling_m, STRAIGHT_UP, (RADIUS_M, 0.0, 2.0, 10.0), 4)
+    found = air.unseen(at, ceiling_m, STRAIGHT_UP, (RADIUS_M, 0.0, 2.0, 10.0), np.zeros((4, 1), bool))
     assert (found == found[0]).all()
     return bool(found[0, 0])
 

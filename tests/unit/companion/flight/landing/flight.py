@@ -15,6 +15,7 @@ from companion.flight.landing.situation import Phase, Severity, Situation, Vehic
 from slz import (
     Box,
     Choice,
+    Corridors,
     Grid,
     LandingPoint,
     LocalFrame,
@@ -91,6 +92,8 @@ class Flight:
         self.blind = False
         self.battery_pct: float | None = 80.0
         self.blocked: Callable[[Flight], bool] = lambda _flight: False
+        self.blocked_above: Callable[[Flight], bool] = lambda _flight: False
+        self.corridors: Callable[[Flight], Corridors | None] = lambda _flight: None
         self.push = np.zeros(3)  # added to the velocity flown: wind, or another's hand
         self.failsafe = self.breached = self.switched = False
         self.estimate_lost = self.cause = ""
@@ -118,7 +121,7 @@ class Flight:
             selected = SelectedPoint(
                 self.selected, state, "near", 0.0, 1.0, 0.05, 0.99, 1, None, self.footing
             )
-            selected = replace(selected, surface=self.surface(self.selected))
+            selected = replace(selected, surface=self.surface(self.selected), corridors=self.corridors(self))
         near, far = MapReport(GRID, tuple(self.zones)), MapReport(GRID, tuple(self.far_zones))
         choice = Choice(100.0, 20.0, 0.0, False, 0, 1.0)
         report = Report(0, FRAME, near, far, choice, selected, 1000, 1000, 0, 0, False, {})
@@ -153,6 +156,7 @@ class Flight:
             heading_rad=None if self.heading_deg is None else math.radians(self.heading_deg),
             below=self.below,
             wind=self.wind,
+            blocked_above=self.blocked_above(self),
         )
 
     def surface_of_zone(self, point: np.ndarray) -> SurfaceHere:
@@ -175,6 +179,8 @@ class Flight:
             self.velocity_wanted = self.velocity = commands.velocity_enu_ms.copy()
             if self.blocked(self):
                 self.velocity = self.velocity * [0, 0, 1]
+            if self.blocked_above(self):
+                self.velocity[2] = min(0.0, self.velocity[2])
             if self.turns and commands.yaw_rad is not None and self.heading_deg is not None:
                 left_deg = math.remainder(math.degrees(commands.yaw_rad) - self.heading_deg, 360)
                 self.heading_deg += max(-TURN_DEGS * STEP_S, min(TURN_DEGS * STEP_S, left_deg))

@@ -66,7 +66,7 @@ def test_the_soonest_zone_is_one_that_needs_no_confirmation_wherever_that_is_kno
         report = flight.situation().report
         assert report is not None
         found = soonest(report, [], P, HERE)
-        return None if found is None else found.id
+        return None if found is None else found[0].id
 
     assert soonest_id() == 3
     flight.zones.pop()

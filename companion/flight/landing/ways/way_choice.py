@@ -1,0 +1,100 @@
+"""Choice of the way in: straight down, or along an approach path."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.flight.geometry.wind import Wind
+from companion.flight.landing.situation import Vector
+from companion.flight.landing.ways.approach_path import ApproachPath, hover_height_m
+from companion.flight.landing.wind.into_wind import FROM_MS
+from params import Parameters
+from slz import SAFE, UNSAFE, Corridors
+
+WIND_CLASS_DEG = 15.0  # bearings as near to the wind's as this are alike, and the less steep one is flown
+TRIED_WITHIN_DEG = 12.5  # of a bearing that was flown out along in vain
+
+
+def paths(
+    corridors: Corridors,
+    parameters: Parameters,
+    *,
+    least_state: int,
+    route_over_point_m: float,
+    wind: Wind | None = None,
+    position_enu_m: Vector | None = None,
+    tried_deg: Iterable[float] = (),
+) -> list[ApproachPath]:
+    """Return the approach paths to a point, the best first: into the wind, not steep, near the vehicle.
+
+    Parameters
+    ----------
+    least_state
+        `SAFE` for clear corridors alone; `UNKNOWN` adds those whose air was not seen yet.
+    route_over_point_m
+        Height over the point at which the vehicle flies to the beginning of a path.
+    wind
+        Without it, and below 2 m/s, the wind does not matter.
+    tried_deg
+        Bearings that are left out, with those beside them.
+    """
+    hover_m, tried = hover_height_m(parameters), tuple(tried_deg)
+    slopes_deg = corridors.slopes_deg[:-1]
+    found: list[tuple[tuple[float, ...], ApproachPath]] = []
+    for k, states in enumerate(corridors.states[:, :-1]):
+        bearing_deg = k * 360 / len(corridors.states)
+        index = _flyable(states, least_state)
+        if index is None or any(_apart_deg(bearing_deg, one) < TRIED_WITHIN_DEG for one in tried):
+            continue
+        slope_deg = slopes_deg[index]
+        length_m = (route_over_point_m - hover_m) / math.tan(math.radians(slope_deg))
+        if length_m <= 0:
+            continue
+        path = ApproachPath(bearing_deg, slope_deg, hover_m, min(length_m, parameters.corridor_m))
+        unseen = float(states[index] != SAFE)
+        found.append(((*_effort(path, corridors, wind, position_enu_m), unseen), path))
+    return [path for _, path in sorted(found, key=lambda one: one[0])]
+
+
+def straight_down_is_blocked(corridors: Corridors | None) -> bool:
+    """Return whether something stands in the way straight down; what was not judged does not."""
+    return corridors is not None and corridors.overhead == UNSAFE
+
+
+def is_blocked(corridors: Corridors | None, path: ApproachPath) -> bool:
+    """Return whether something stands in a path's corridor now."""
+    return corridors is not None and state_of(corridors, path) == UNSAFE
+
+
+def state_of(corridors: Corridors, path: ApproachPath) -> int:
+    """Return the state of a path's corridor in other corridors of the same point."""
+    bearing = round(path.bearing_deg * len(corridors.states) / 360) % len(corridors.states)
+    slope = int(np.argmin(np.abs(np.array(corridors.slopes_deg) - path.slope_deg)))
+    return int(corridors.states[bearing, slope])
+
+
+def _flyable(states: NDArray[np.uint8], least_state: int) -> int | None:
+    """Return the index of the least steep slope that is clear, or that is not blocked, if asked for."""
+    flyable = np.flatnonzero(states == SAFE if least_state == SAFE else states != UNSAFE)
+    return int(flyable[0]) if len(flyable) else None
+
+
+def _effort(
+    path: ApproachPath, corridors: Corridors, wind: Wind | None, position_enu_m: Vector | None
+) -> tuple[float, float, float]:
+    """Return what makes a path worse, the most important first."""
+    off_deg = 0.0
+    if wind is not None and wind.speed_ms >= FROM_MS:
+        off_deg = _apart_deg(math.degrees(path.inbound_rad), math.degrees(wind.from_rad))
+    away_m = 0.0
+    if position_enu_m is not None:
+        away_m = float(np.hypot(*path.entry_offset_m(position_enu_m, corridors.enu_m)))
+    return off_deg // WIND_CLASS_DEG, path.slope_deg, round(off_deg + away_m, 3)
+
+
+def _apart_deg(a: float, b: float) -> float:
+    return abs(math.remainder(a - b, 360))
