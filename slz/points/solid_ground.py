@@ -3,8 +3,8 @@
 Leaves let part of the light pass, and a steep ray goes deeper than a flat one (Beer and Lambert), so the mean
 height of a crop depends on where it is seen from. A window that was registered to it would take this for an
 error of navigation, and write the next ground so much too low. Solid ground answers from one height, except
-for the noise of the sensor. Blocks of ground are told apart by how much the differences to the map vary from
-one return to the next: 0.02 to 0.05 m over ground, 0.2 m over wheat, 0.7 m over maize.
+for the noise of the sensor. Blocks of ground differ in how much the differences to the map vary from one
+return to the next: 0.02 to 0.05 m over ground, 0.2 m over wheat, 0.7 m over maize.
 """
 
 from __future__ import annotations

@@ -13,6 +13,7 @@ from companion.flight.geometry.axes import heading_rad
 from companion.flight.geometry.pose import Pose
 from companion.flight.geometry.wind import Wind
 from companion.flight.landing.situation import COMMANDING, Emergency
+from companion.flight.landing.ways.approach_path import ApproachPath
 from companion.flight.link.vehicle_state import VehicleState
 
 LATENCIES = 300
@@ -48,6 +49,7 @@ def state(flight: FlightView) -> dict[str, Any]:
         **_motion(pose),
         "wind": _wind(s.wind),
         "emergency": _emergency(executive.emergency(s)),
+        **_ways(*executive.ways(s)),
         "height_m": _finite(flight.streams.height_m, 1),
         "height_home_m": _finite(s.height_above_home_m, 1),
         "aim_enu_m": None if aim is None else [_finite(v, 2) for v in aim],
@@ -82,6 +84,7 @@ def replayed(history: PoseHistory, vehicle: VehicleState, at_ns: int) -> dict[st
         **_motion(pose),
         "wind": None,
         "emergency": None,
+        **_ways(None, None),
         "height_m": None,
         "height_home_m": _finite(vehicle.relative_alt_m, 1),
         "aim_enu_m": None,
@@ -98,6 +101,14 @@ def _emergency(emergency: Emergency | None) -> dict[str, Any] | None:
         "zone": emergency.zone_id,
         "seconds": _finite(emergency.seconds, 0),
         "within_battery": emergency.within_battery,
+    }
+
+
+def _ways(inward: ApproachPath | None, outward: ApproachPath | None) -> dict[str, Any]:
+    """Return bearing and slope of the best ways in and out of the selected point, None without one."""
+    return {
+        name: None if path is None else {"bearing_deg": path.bearing_deg, "slope_deg": path.slope_deg}
+        for name, path in (("way_in", inward), ("way_out", outward))
     }
 
 

@@ -41,9 +41,11 @@ from companion.flight.landing.situation import (
     Vector,
     VehicleCommands,
 )
+from companion.flight.landing.ways.approach_path import ApproachPath
+from companion.flight.landing.ways.way_choice import paths
 from companion.flight.landing.zone_choice import must_be_confirmed
 from params import Parameters
-from slz import Zone
+from slz import SAFE, SelectedPoint, Zone
 
 
 class Executive:
@@ -70,6 +72,8 @@ class Executive:
         self._withdrawal, self._battery = Withdrawal(state), LowBattery(state)
         self._jump = PositionJump(state)
         self._confirmation = Confirmation()
+        self._ways_of: SelectedPoint | None = None
+        self._ways: tuple[ApproachPath | None, ApproachPath | None] = None, None
         self._confirmed: Ground | None = None  # of the newest request with a confirmation
         self._waiting, approach = Waiting(state), Approach(state)
         self._survey, self._descent, self._climb = Survey(state, approach), Descent(state), Climb(state)
@@ -135,6 +139,31 @@ class Executive:
         zone, seconds = found
         endurance_s = state.endurance.left_s(situation.now_ns)
         return Emergency(zone.id, seconds, None if endurance_s is None else seconds <= endurance_s)
+
+    def ways(self, situation: Situation) -> tuple[ApproachPath | None, ApproachPath | None]:
+        """Return the best sloped clear way in to the selected point, and out of it, of the newest report."""
+        selected, p = situation.selected, self._p
+        if selected is None or selected.corridors is None:
+            return None, None
+        if selected is self._ways_of:
+            return self._ways
+        up_m = self.state.route.height_m - float(selected.enu_m[2])
+        wind = situation.wind if p.into_wind == "on" else None
+        high_m = max(up_m, p.survey_height_m)
+        inward, outward = (
+            paths(
+                selected.corridors,
+                p,
+                least_state=int(SAFE),
+                route_over_point_m=high_m,
+                wind=wind,
+                outbound=outbound,
+            )
+            for outbound in (False, True)
+        )
+        self._ways_of = selected
+        self._ways = next(iter(inward), None), next(iter(outward), None)
+        return self._ways
 
     # ---- operator -------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ export class Choice {
     byId("confirm").onclick = () => this.confirm();
     byId("best").onclick = () => this._askFirst("Land at the best zone?", this._bestWords(), { do: "land_best" });
     byId("now").onclick = () =>
-      this._askFirst("Emergency: land now?", "It takes over from any mode and lands at the zone reached soonest.", { do: "land_now" }, true);
+      this._askFirst("Emergency: land now?", `It takes over from any mode and lands at the zone reached soonest: ${this._soonestWords()}.`, { do: "land_now" }, true);
     byId("abort").onclick = () => this.abort();
   }
 
@@ -51,6 +51,24 @@ export class Choice {
     this._send({ do: "confirm", east_m: point.enu_m[0], north_m: point.enu_m[1] });
   }
 
+  /** Best ways in and out by corridor and wind, else the way in with the lowest horizon. */
+  _wayRows(point) {
+    const bearing = (deg) => (deg === null ? "–" : `${String(Math.round(deg)).padStart(3, "0")}°`);
+    const words = (way) => `${bearing(way.bearing_deg)}, ${shown(way.slope_deg, 0, "°")} steep`;
+    const { way_in: inward, way_out: outward } = this._model.state ?? {};
+    if (!inward || !outward) return [["Way in", bearing(point.way_in_deg)]];
+    return [["Way in from", words(inward), "wide"], ["Way out to", words(outward), "wide"]];
+  }
+
+  /** Where an emergency order would land now. */
+  _soonestWords() {
+    const soonest = this._model.state?.emergency;
+    if (!soonest) return "no zone known";
+    if (soonest.seconds === null) return `zone ${soonest.zone}, too windy to reach`;
+    const lasts = soonest.within_battery === false ? ", beyond the battery" : "";
+    return `zone ${soonest.zone} in ${soonest.seconds} s${lasts}`;
+  }
+
   abort() {
     byId("ask").close();
     this._send({ do: "abort" });
@@ -73,6 +91,7 @@ export class Choice {
     byId("confirm").disabled = !ready || !point || point.state === "unsafe" || !state.guided || this._flownTo(point);
     byId("best").disabled = !ready || !state.guided || !this._model.near().length || this._descending();
     byId("now").disabled = !ready || !state.armed || state.on_ground;
+    byId("soonest").textContent = byId("now").disabled ? "" : this._soonestWords();
     byId("abort").disabled = !may;
     byId("answer").dataset.hint = this._hint(point);
     const now = JSON.stringify([picked, point, this._model.zones?.number, this._model.about?.role]);
@@ -169,7 +188,7 @@ export class Choice {
         ["Slope", shown(point.slope_deg, 1, "°")],
         ["Relief", shown(point.relief_m, 2, "m")],
         ["Square", shown(zone?.square_m, 1, "m")],
-        ["Way in", point.way_in_deg === null ? "–" : `${String(point.way_in_deg).padStart(3, "0")}°`],
+        ...this._wayRows(point),
         ...(point.corridors ? [["Clear ways", ways(point.corridors), "wide"]] : []),
         ["Headings", headings(point.headings_deg ?? [])],
         ...(point.blocked_by ? [["Blocked by", point.blocked_by, "wide"]] : []),

@@ -64,7 +64,7 @@ class FlyOut:
         return True
 
     def offset(self, s: Situation) -> Vector | None:
-        """Return the offset (2,) to the path's beginning; None once the path is to be flown, or given up.
+        """Return the offset (2,) to the path's beginning; None where the path begins, or is given up.
 
         Where something stands in it, or its air stays unseen, a steeper one of its bearing replaces it; with
         none it is given up, and `path` None.

@@ -28,6 +28,7 @@ def paths(
     wind: Wind | None = None,
     position_enu_m: Vector | None = None,
     tried_deg: Iterable[float] = (),
+    outbound: bool = False,
 ) -> list[ApproachPath]:
     """Return the approach paths to a point, the best first: into the wind, not steep, near the vehicle.
 
@@ -41,6 +42,8 @@ def paths(
         Without it, and below 2 m/s, the wind does not matter.
     tried_deg
         Bearings that are left out, with those beside them.
+    outbound
+        The vehicle leaves the point along the path: into the wind it flies the other way.
     """
     hover_m, tried = hover_height_m(parameters), tuple(tried_deg)
     slopes_deg = corridors.slopes_deg[:-1]
@@ -56,7 +59,7 @@ def paths(
             continue
         path = ApproachPath(bearing_deg, slope_deg, hover_m, min(length_m, parameters.corridor_m))
         unseen = float(states[index] != SAFE)
-        found.append(((*_effort(path, corridors, wind, position_enu_m), unseen), path))
+        found.append(((*_effort(path, corridors, wind, position_enu_m, outbound), unseen), path))
     return [path for _, path in sorted(found, key=lambda one: one[0])]
 
 
@@ -84,12 +87,17 @@ def _flyable(states: NDArray[np.uint8], least_state: int) -> int | None:
 
 
 def _effort(
-    path: ApproachPath, corridors: Corridors, wind: Wind | None, position_enu_m: Vector | None
+    path: ApproachPath,
+    corridors: Corridors,
+    wind: Wind | None,
+    position_enu_m: Vector | None,
+    outbound: bool,
 ) -> tuple[float, float, float]:
     """Return what makes a path worse, the most important first."""
     off_deg = 0.0
     if wind is not None and wind.speed_ms >= FROM_MS:
-        off_deg = _apart_deg(math.degrees(path.inbound_rad), math.degrees(wind.from_rad))
+        course_deg = path.bearing_deg if outbound else path.bearing_deg + 180
+        off_deg = _apart_deg(course_deg, math.degrees(wind.from_rad))
     away_m = 0.0
     if position_enu_m is not None:
         away_m = float(np.hypot(*path.entry_offset_m(position_enu_m, corridors.enu_m)))

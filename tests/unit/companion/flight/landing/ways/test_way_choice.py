@@ -12,6 +12,7 @@ from companion.flight.geometry.wind import Wind
 from companion.flight.landing.ways.approach_path import ApproachPath
 from companion.flight.landing.ways.way_choice import is_blocked, paths, straight_down_is_blocked
 from slz import SAFE, UNKNOWN, UNSAFE, Corridors
+from tests.unit.companion.flight.landing.flight import Flight, zone
 from tests.unit.companion.flight.landing.ways.corridors import SLOPES_DEG, made
 
 PARAMETERS = params.load("helicopter")
@@ -36,6 +37,24 @@ def test_the_least_steep_clear_slope_is_flown() -> None:
 def test_in_wind_the_vehicle_comes_in_against_it(from_deg: float) -> None:
     best = found(made(), wind=wind(from_deg))[0]
     assert abs(math.degrees(math.remainder(best.inbound_rad - math.radians(from_deg), 2 * math.pi))) <= 15
+
+
+def test_out_of_the_point_it_leaves_against_the_wind() -> None:
+    best = found(made(), wind=wind(40.0), outbound=True)[0]
+    assert abs(best.bearing_deg - 40) <= 15
+
+
+def test_best_ways_in_and_out_are_those_of_the_selected_point() -> None:
+    flight = Flight([zone(1, 0, 0)], height=20.0)
+    flight.wind = wind(90.0)
+    assert flight.executive.ways(flight.situation()) == (None, None)
+    flight.corridors = lambda _flight: made()
+    flight.selected = np.zeros(3)
+    inward, outward = flight.executive.ways(flight.situation())
+    assert inward is not None
+    assert outward is not None
+    assert abs(inward.bearing_deg - 270) <= 15
+    assert abs(outward.bearing_deg - 90) <= 15
 
 
 def test_a_breath_of_wind_does_not_matter() -> None:
