@@ -89,6 +89,11 @@ def test_nothing_is_found_where_all_is_blocked_or_the_vehicle_is_below_the_hover
     assert found(made(), route_over_point_m=9.0) == []
 
 
+def test_a_path_begins_within_the_judged_corridor() -> None:
+    p = params.load("quadcopter", ["approach_slope_deg=10", "corridor_m=40"])
+    assert paths(made(), p, least_state=int(SAFE), route_over_point_m=60.0)[0].length_m == 40.0
+
+
 def test_a_path_is_blocked_by_what_stands_in_it_now() -> None:
     path = found(made())[0]
     key = (int(path.bearing_deg), SLOPES_DEG[0])
