@@ -54,7 +54,7 @@ export class Choice {
   /** Best ways in and out by corridor and wind, else the way in with the lowest horizon. */
   _wayRows(point) {
     const bearing = (deg) => (deg === null ? "–" : `${String(Math.round(deg)).padStart(3, "0")}°`);
-    const words = (way) => `${bearing(way.bearing_deg)}, ${shown(way.slope_deg, 0, "°")} steep`;
+    const words = (way) => `${bearing(way.bearing_deg)}, ${Math.round(way.slope_deg)}° steep`;
     const { way_in: inward, way_out: outward } = this._model.state ?? {};
     if (!inward || !outward) return [["Way in", bearing(point.way_in_deg)]];
     return [["Way in from", words(inward), "wide"], ["Way out to", words(outward), "wide"]];
