@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.kernels.cells.cell_record import EXCESS, HEIGHT, TOP, WEIGHT
-from slz.kernels.footprint.rest_planes import CORNERS, rest_floors
+from slz.kernels.footprint.rest_planes import CORNERS, Floors, Steepest
 from slz.kernels.footprint.rest_pose import Ground, plane_of
 from slz.kernels.footprint.rotor_clearance import (
     NOBODY,
@@ -24,7 +24,7 @@ from slz.kernels.footprint.rotor_clearance import (
 from slz.kernels.raster.bitmap import unpacked
 from slz.kernels.raster.morphology import above
 from slz.terrain.derive import reach_of, seen_ground
-from slz.terrain.gear import HEADING_ERROR_DEG, HEADING_STEP_DEG, Gear
+from slz.terrain.gear import HEADING_ERROR_DEG, HEADING_STEP_DEG
 
 HEADINGS = 360 // HEADING_STEP_DEG
 SLACK_M = 1e-3  # for rounding, where cells are left out that no plane brings near
@@ -154,7 +154,7 @@ def discs_of(parameters: Parameters, cell_m: float) -> Discs | None:
 
 
 def keep_clear_headings(
-    discs: Discs, site: Site, gear: Gear, parameters: Parameters, fits: Flags
+    discs: Discs, site: Site, parameters: Parameters, floors: Floors, steepest: Steepest, fits: Flags
 ) -> InTheWay | None:
     """Clear the headings at which disc or tail may touch something, for a touchdown on any cell of the box.
 
@@ -162,6 +162,8 @@ def keep_clear_headings(
 
     Parameters
     ----------
+    floors, steepest
+        Of `slz.kernels.footprint.rest_planes.keep_rests`.
     fits
         (headings,) whether the gear stands at each.
 
@@ -169,12 +171,6 @@ def keep_clear_headings(
     -------
     The nearest cell in the way at any heading; None where all headings of the gear stay.
     """
-    floors = np.empty((site.rows * site.cols, HEADINGS, CORNERS))
-    steepest = np.empty(floors.shape[:2])
-    rest_floors(
-        site.ground, site.radius, site.rows, site.cols, site.cell_m, gear.contacts_m, gear.limits,
-        site.noise_m, fits, discs.corners_m, floors, steepest,
-    )  # fmt: skip
     fits &= np.isfinite(floors).all(axis=(0, 2)) & (steepest <= discs.steepest + SLACK_M).all(axis=0)
     if not fits.any():
         return None
@@ -217,7 +213,7 @@ def _tops(site: Site, parameters: Parameters) -> tuple[NDArray[np.float32], Floa
     return tops, tops - (level + east * (col - middle_col) + north * (row - middle_row))
 
 
-def _floors_over_plane(discs: Discs, site: Site, floors: Floats, fits: Flags) -> Floats:
+def _floors_over_plane(discs: Discs, site: Site, floors: Floors, fits: Flags) -> Floats:
     """Return the lowest floor at each corner over the footprint's plane, of all touchdowns and headings."""
     level, east_rise, north_rise = site.plane()
     east, north = discs.corners_m[fits].reshape(-1, CORNERS, 2).transpose(2, 0, 1)

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.kernels.cells.cell_record import BOTTOM, EXCESS, HEIGHT, SPREAD, WEIGHT
 from slz.kernels.footprint.certainty import hazard_quarters
-from slz.kernels.footprint.rest_pose import keep_common_headings
+from slz.kernels.footprint.rest_planes import CORNERS, keep_rests
 from slz.terrain.discs import Site, discs_of, keep_clear_headings, upper_ground
-from slz.terrain.gear import HEADING_STEP_DEG, gear_of
+from slz.terrain.gear import HEADING_ERROR_DEG, HEADING_STEP_DEG, gear_of
 
 ALL_HEADINGS = tuple(range(0, 360, HEADING_STEP_DEG))
 GEAR = "gear: tips or touches with its belly"
@@ -50,7 +50,8 @@ def judges_headings(parameters: Parameters) -> bool:
 def footing_edge(radius: int, cell_m: float, parameters: Parameters) -> int:
     """Return how many cells around those of the touchdown a footing depends on: a footprint's or more."""
     discs = discs_of(parameters, cell_m)
-    return radius if discs is None else max(radius, discs.reach + discs.margin)
+    edge = max(radius, math.ceil(gear_of(parameters, cell_m).reach_m / cell_m + 1))
+    return edge if discs is None else max(edge, discs.reach + discs.margin)
 
 
 def footing(
@@ -79,16 +80,18 @@ def footing(
     level = float(np.median(inner[HEIGHT][known]))
     noise_m = math.sqrt(float(inner[SPREAD][known].mean()))
     around = np.ones(len(ALL_HEADINGS), np.bool_)
-    if parameters.gear != "none":
-        fits = np.ones(len(gear.contacts_m), np.bool_)
-        ground = *_ground(inner, level), inner.shape[2], radius, radius
-        keep_common_headings(ground, radius, rows, cols, cell_m, gear.contacts_m, gear.limits, noise_m, fits)
-        around = np.tile(fits, 360 // gear.period_deg)
+    corners = np.empty((0, 2 * CORNERS)) if discs is None else discs.corners_m
+    floors = np.empty((rows * cols, len(corners), CORNERS))
+    steepest = np.empty(floors.shape[:2])
+    ground = *_ground(cells, level), cells.shape[2], edge, edge
+    keep_rests(
+        ground, radius, rows, cols, cell_m, gear.contacts_m, gear.limits, noise_m,
+        math.radians(HEADING_ERROR_DEG), around, corners, floors, steepest,
+    )  # fmt: skip
     blocked_by = "" if around.all() else GEAR
     if discs is not None and around.any():
-        ground = *_ground(cells, level), cells.shape[2], edge, edge
         site = Site(cells, ground, rows, cols, edge, radius, cell_m, noise_m)
-        in_the_way = keep_clear_headings(discs, site, gear, parameters, around)
+        in_the_way = keep_clear_headings(discs, site, parameters, floors, steepest, around)
         blocked_by = blocked_by if in_the_way is None else in_the_way.text
     return Footing(tuple((np.flatnonzero(around) * HEADING_STEP_DEG).tolist()), unseen, blocked_by)
 

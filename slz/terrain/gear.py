@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.kernels.footprint.rest_pose import GearLimits
+from slz.kernels.footprint.rest_pose import A_PAD, GearLimits
 
 HEADING_STEP_DEG = 15
 HEADING_ERROR_DEG = 10.0  # by which a landing vehicle may miss a heading, see companion.flight.landing
@@ -30,6 +30,13 @@ class Gear:
     contacts_m: NDArray[np.float32]
     period_deg: int
     limits: GearLimits
+
+    @property
+    def reach_m(self) -> float:
+        """Distance from the centre of gravity within which it touches the ground at any heading."""
+        if not len(self.contacts_m):
+            return 0.0
+        return float(np.linalg.norm(self.contacts_m[0], axis=1).max()) + self.limits[A_PAD]
 
 
 NO_GEAR = Gear(np.empty((0, 3, 2), np.float32), 360, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))

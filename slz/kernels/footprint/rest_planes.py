@@ -1,9 +1,14 @@
-"""Lower envelope of the planes on which the gear can rest, at the corners of rectangles around the vehicle.
+"""Rest planes of the gear for every touchdown on a cell, and every yaw about a heading.
 
-What is fixed to the vehicle, such as rotor and tail, tilts with the gear. Where the gear can rock, or a pad
-may be at either side of an edge, it rests on one of several planes. Their minimum is a concave function of
-the place, so that within a rectangle it is nowhere below the bilinear interpolation of its values at the four
-corners. For a single plane both are equal.
+The vehicle touches down anywhere on a cell, and misses its heading by some degrees. Its poses are a box: an
+interval of places to the east, one to the north, and one of yaws. While the vehicle is somewhere in a box, a
+contact is somewhere in a rectangle, and rests somewhere between the lowest and the highest ground of the
+cells that this meets. Where a gear may tip over within these bounds, the box is halved across its longest
+side, down to `FINEST` of a cell (branch and bound): a heading is kept only if every part of its boxes is.
+
+What is fixed to the vehicle, such as rotor and tail, tilts with the gear, and is as high as the lowest of the
+planes on which it may rest. Their minimum is a concave function of the place, so that within a rectangle it
+is nowhere below the bilinear interpolation of its values at the four corners.
 """
 
 from __future__ import annotations
@@ -14,13 +19,25 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D
 from slz.kernels.footprint.rest_pose import (
+    A_BELLY,
+    A_CLEARANCE,
+    A_GRADIENT,
     A_LINE,
+    A_PAD,
+    EDGE_SIGMAS,
+    FARTHEST_RING,
+    FINE,
+    NOWHERE,
     PARTS,
     Contacts,
     GearLimits,
     Ground,
-    Row,
-    contact_heights,
+    Plane,
+    Rest,
+    Scratch,
+    apart_m,
+    ground_of_box,
+    part_of,
     plane_of,
     put_at_edges,
     rest_on,
@@ -31,55 +48,272 @@ from slz.kernels.jit import kernel
 
 RECTANGLES = 2  # of rotor and tail
 CORNERS = 4 * RECTANGLES
+FINEST = 0.25  # of a cell: sides of the smallest boxes
+DEEPEST = 64  # boxes that wait to be looked at
+MOST_PLANES = 512  # on which a gear may rest in one box; with more, it counts as tipping over
+# Box of poses: middle east and north of that of the touchdown's cell, yaw beyond the heading, and half its
+# sides (m, m, rad).
+Box = tuple[float, float, float, float, float, float]
+B_EAST, B_NORTH, B_YAW, B_HALF_EAST, B_HALF_NORTH, B_HALF_YAW = range(6)
 # East and north of the corners from the centre of gravity at each heading (m), flat.
 Corners = Array2D[np.float64]
+Planes = Array2D[np.float64]  # rise to the east and to the north, and height at the centre of gravity
+Waiting = Array2D[np.float64]  # boxes
+Work = tuple[Contacts, Scratch, Planes, Waiting]
 Floors = Array3D[np.float64]
 Steepest = Array2D[np.float64]
 
 
 @kernel
-def _lower(corners: Corners, heading: int, a: float, b: float, c: float, floor: Array1D[np.float64]) -> None:
-    """Lower the floor at the corners of a heading to a plane."""
-    for i in range(CORNERS):
-        floor[i] = min(floor[i], a * corners[heading, 2 * i] + b * corners[heading, 2 * i + 1] + c)
+def _turn(contacts: Contacts, heading: int, yaw: float, turned: Contacts) -> None:
+    """Write the contacts at a heading and a yaw beyond it, clockwise."""
+    sine, cosine = math.sin(yaw), math.cos(yaw)
+    for i in range(contacts.shape[1]):
+        east, north = float(contacts[heading, i, 0]), float(contacts[heading, i, 1])
+        turned[0, i, 0] = east * cosine + north * sine
+        turned[0, i, 1] = north * cosine - east * sine
 
 
 @kernel
-def _lower_to_rests(
-    contacts: Contacts,
-    own: int,
-    heights: Row,
-    kept: Array1D[np.int64],
-    n: int,
-    corners: Corners,
-    place: int,
-    floors: Floors,
-    steepest: Steepest,
-) -> None:
-    """Lower the floors to every plane on which a gear can rest, see `steepest_rest`.
+def _swept_ground(
+    ground: Ground, plane: Plane, row: float, col: float, tall: float, wide: float
+) -> tuple[float, float, float]:
+    """Return lowest, mean and highest ground over a plane of the cells that a rectangle meets.
 
-    Parameters
-    ----------
-    own
-        Heading of the contacts; the corners have those of all turns that leave the gear the same, too.
-    kept, n
-        The first n are the contacts that can touch.
-    place
-        Row of the floors and of the steepest gradients.
+    Of the nearest cells where these hold no return; the mean is NaN without any. Middle and half sides in
+    cells.
     """
-    period = contacts.shape[0]
+    row0, row1 = math.floor(row - tall + 0.5), math.floor(row + tall + 0.5)
+    col0, col1 = math.floor(col - wide + 0.5), math.floor(col + wide + 0.5)
+    for ring in range(FARTHEST_RING + 1):
+        found = ground_of_box(ground, plane, row0 - ring, row1 + ring, col0 - ring, col1 + ring)
+        if not np.isnan(found[1]):
+            return found
+    return found
+
+
+@kernel
+def _contact_bounds(
+    ground: Ground,
+    plane: Plane,
+    cell_m: float,
+    turned: Contacts,
+    box: Box,
+    limits: GearLimits,
+    edge_m: float,
+    scratch: Scratch,
+) -> int:
+    """Write the mean, lowest and highest ground that each contact may rest on in a box of poses.
+
+    Return the parts of the gear at an edge, a bit each; -1 where a contact has no ground. Lowest and highest
+    differ from the mean at edges only: where ground of more than noise and slope lies between them.
+    """
+    line = int(limits[A_LINE])
+    height, low, high, _ = scratch
+    sine, versed = math.sin(box[B_HALF_YAW]), 1 - math.cos(box[B_HALF_YAW])
+    edges = 0
+    for i in range(turned.shape[1]):
+        east, north = float(turned[0, i, 0]), float(turned[0, i, 1])
+        tall = box[B_HALF_NORTH] + limits[A_PAD] + abs(east) * sine + abs(north) * versed
+        wide = box[B_HALF_EAST] + limits[A_PAD] + abs(north) * sine + abs(east) * versed
+        col, row = (box[B_EAST] + east) / cell_m, (box[B_NORTH] + north) / cell_m
+        least, mean, most = _swept_ground(
+            ground, plane, ground[4] + row, ground[5] + col, tall / cell_m, wide / cell_m
+        )
+        if np.isnan(mean):
+            return -1
+        level = plane[0] + plane[1] * col + plane[2] * row
+        height[i], low[i], high[i] = level + mean, level + mean, level + mean
+        if most - least > edge_m:
+            low[i], high[i] = level + least, level + most
+            edges |= 1 << part_of(i, line)
+    return edges if line == 1 or cell_m <= FINE * apart_m(turned, 0, line) else 0
+
+
+@kernel
+def _is_belly_clear(
+    ground: Ground, plane: Plane, highest: float, cell_m: float, limits: GearLimits, box: Box, rest: Rest
+) -> bool:
+    """Return whether no ground under the belly reaches up to it, anywhere in a box of poses.
+
+    highest: ground over the plane of all cells that the belly may be over.
+    """
+    belly, clearance = float(limits[A_BELLY]), float(limits[A_CLEARANCE])
+    east, north = box[B_EAST] / cell_m, box[B_NORTH] / cell_m
+    a, b = plane[1] / cell_m, plane[2] / cell_m
+    there = plane[0] + plane[1] * east + plane[2] * north
+    beyond = abs(rest[1] - a) * box[B_HALF_EAST] + abs(rest[2] - b) * box[B_HALF_NORTH]
+    if highest + there - rest[3] + math.hypot(rest[1] - a, rest[2] - b) * belly + beyond <= clearance:
+        return True
+    _, _, upper, wide, row, col = ground
+    half_row, half_col = 0.5 + box[B_HALF_NORTH] / cell_m, 0.5 + box[B_HALF_EAST] / cell_m
+    radius, tall = belly / cell_m, len(upper) // wide
+    reach = math.ceil(radius + 1.5)
+    for dr in range(-reach, reach + 1):
+        for dc in range(-reach, reach + 1):
+            r, c = row + dr, col + dc
+            y, x = max(0.0, abs(dr - north) - half_row), max(0.0, abs(dc - east) - half_col)
+            if y * y + x * x < radius * radius and 0 <= r < tall and 0 <= c < wide:
+                level = rest[1] * (dc - east) * cell_m + rest[2] * (dr - north) * cell_m + rest[3]
+                if upper[r * wide + c] - level + beyond > clearance:
+                    return False
+    return True
+
+
+@kernel
+def _planes_at(
+    ground: Ground,
+    plane: Plane,
+    highest: float,
+    cell_m: float,
+    turned: Contacts,
+    box: Box,
+    limits: GearLimits,
+    scratch: Scratch,
+    planes: Planes,
+    found: int,
+) -> int:
+    """Append the planes on which a gear can rest at its heights; return how many there are now.
+
+    Return -1 where there is none, or where one is beyond the tip limit or has ground up to the belly.
+    """
+    line, (height, _, _, kept), before = int(limits[A_LINE]), scratch, found
+    n = split = 0
+    for first in range(0, len(height), line):
+        split = n  # first of the last line
+        n = upper_hull(height, first, first + line, kept, n)
     for i in range(n):
         for j in range(i + 1, n):
             for k in range(j + 1, n):
-                gradient, a, b, c = rest_on(contacts, own, heights, kept, n, kept[i], kept[j], kept[k])
-                if gradient < np.inf:
-                    for heading in range(own, corners.shape[0], period):
-                        _lower(corners, heading, a, b, c, floors[place, heading])
-                        steepest[place, heading] = max(steepest[place, heading], gradient)
+                if line > 1 and not (j == i + 1 and j < split <= k) and not (i < split <= j and k == j + 1):
+                    continue  # on a line, only neighbours of its hull can both touch
+                rest = rest_on(turned, 0, height, kept, n, kept[i], kept[j], kept[k])
+                if rest[0] == NOWHERE:
+                    continue
+                if rest[0] > limits[A_GRADIENT] or found == len(planes):
+                    return -1
+                if not _is_belly_clear(ground, plane, highest, cell_m, limits, box, rest):
+                    return -1
+                planes[found, 0], planes[found, 1], planes[found, 2] = rest[1], rest[2], rest[3]
+                found += 1
+    return found if found > before else -1
 
 
 @kernel
-def rest_floors(
+def _planes_in(
+    ground: Ground,
+    plane: Plane,
+    highest: float,
+    cell_m: float,
+    turned: Contacts,
+    box: Box,
+    limits: GearLimits,
+    edge_m: float,
+    scratch: Scratch,
+    planes: Planes,
+) -> int:
+    """Write the planes on which a gear may rest in a box of poses; return how many, or -1 as `_planes_at`."""
+    edges = _contact_bounds(ground, plane, cell_m, turned, box, limits, edge_m, scratch)
+    if edges < 0:
+        return -1
+    found, line = 0, int(limits[A_LINE])
+    for sides in range(1 << PARTS):  # a bit for each part: at the upper side of its edges
+        if sides & ~edges == 0 and found >= 0:
+            if edges != 0:
+                put_at_edges(scratch, sides, line)
+            found = _planes_at(ground, plane, highest, cell_m, turned, box, limits, scratch, planes, found)
+    return found
+
+
+@kernel
+def _lower_floors(
+    planes: Planes,
+    count: int,
+    plane: Plane,
+    cell_m: float,
+    box: Box,
+    corners: Corners,
+    own: int,
+    period: int,
+    floors: Floors,
+    steepest: Steepest,
+    place: int,
+) -> None:
+    """Lower the floors of a place to planes, at all headings that leave the gear the same.
+
+    Within a box, a plane moves with the ground's own slope.
+    """
+    for i in range(count):
+        a, b = planes[i, 0], planes[i, 1]
+        moved = abs(a - plane[1] / cell_m) * box[B_HALF_EAST] + abs(b - plane[2] / cell_m) * box[B_HALF_NORTH]
+        level = planes[i, 2] - a * box[B_EAST] - b * box[B_NORTH] - moved
+        gradient = math.sqrt(a * a + b * b)
+        for heading in range(own, corners.shape[0], period):
+            steepest[place, heading] = max(steepest[place, heading], gradient)
+            for k in range(CORNERS):
+                floor = a * corners[heading, 2 * k] + b * corners[heading, 2 * k + 1] + level
+                floors[place, heading, k] = min(floors[place, heading, k], floor)
+
+
+@kernel
+def _halved(waiting: Waiting, count: int, box: Box, reach_m: float) -> int:
+    """Append both halves of a box of poses, cut across its longest side; return how many boxes wait."""
+    east, north, turn = box[B_HALF_EAST], box[B_HALF_NORTH], box[B_HALF_YAW] * reach_m
+    side = B_YAW if turn > max(east, north) else B_NORTH if north > east else B_EAST
+    half = side + B_HALF_EAST - B_EAST
+    for sign in (-1, 1):
+        for k in range(len(box)):
+            waiting[count, k] = box[k]
+        waiting[count, half] = box[half] / 2
+        waiting[count, side] = box[side] + sign * box[half] / 2
+        count += 1
+    return count
+
+
+@kernel
+def _stands_on_cell(
+    ground: Ground,
+    plane: Plane,
+    highest: float,
+    cell_m: float,
+    contacts: Contacts,
+    own: int,
+    limits: GearLimits,
+    edge_m: float,
+    yaw_error: float,
+    work: Work,
+    corners: Corners,
+    floors: Floors,
+    steepest: Steepest,
+    place: int,
+) -> bool:
+    """Return whether the gear stands in all poses on a cell about a heading, and lower the floors to them."""
+    turned, scratch, planes, waiting = work
+    reach_m, half_m, period = float(limits[A_BELLY]), 0.5 * cell_m, contacts.shape[0]
+    finest_m = 0.5 * FINEST * cell_m * (1 + 1e-6)
+    for k in range(waiting.shape[1]):
+        waiting[0, k] = 0.0
+    waiting[0, B_HALF_EAST], waiting[0, B_HALF_NORTH], waiting[0, B_HALF_YAW] = half_m, half_m, yaw_error
+    count = 1
+    while count > 0:
+        count -= 1
+        box = (
+            waiting[count, 0], waiting[count, 1], waiting[count, 2],
+            waiting[count, 3], waiting[count, 4], waiting[count, 5],
+        )  # fmt: skip
+        _turn(contacts, own, box[B_YAW], turned)
+        found = _planes_in(ground, plane, highest, cell_m, turned, box, limits, edge_m, scratch, planes)
+        if found > 0:
+            _lower_floors(planes, found, plane, cell_m, box, corners, own, period, floors, steepest, place)
+        elif max(box[B_HALF_EAST], box[B_HALF_NORTH], box[B_HALF_YAW] * reach_m) <= finest_m:
+            return False
+        else:
+            count = _halved(waiting, count, box, reach_m)
+    return True
+
+
+@kernel
+def keep_rests(
     ground: Ground,
     radius: int,
     rows: int,
@@ -88,12 +322,13 @@ def rest_floors(
     contacts: Contacts,
     limits: GearLimits,
     noise_m: float,
+    yaw_error: float,
     fits: Array1D[np.bool_],
     corners: Corners,
     floors: Floors,
     steepest: Steepest,
 ) -> None:
-    """Write the lowest rest plane at the corners, for every touchdown on a box of cells and every heading.
+    """Clear the headings at which the gear may not stand somewhere on a box of cells, and write its floors.
 
     Without contacts the gear rests on the plane of its footprint.
 
@@ -103,48 +338,49 @@ def rest_floors(
         Ground of the box and a margin; its row and column are those of the south-west cell of the box.
     radius
         Radius of a footprint, in cells.
+    noise_m
+        Standard deviation of the height of one return.
+    yaw_error
+        Angle by which the vehicle may miss a heading (rad).
     fits
-        Whether the gear stands at a heading; others are left out.
+        One flag for each heading around; those that are cleared already are left out.
     corners
-        (headings, 2 corners).
+        (headings, 2 corners); no headings where no floors are wanted.
     floors
-        (rows * cols, headings, corners) out, m in the heights of the ground; +inf for headings left out, and
-        where the gear cannot rest.
+        (rows * cols, headings, corners) out, lowest rest plane, m in the heights of the ground, for a vehicle
+        whose centre of gravity is over the middle of the cell; +inf for headings left out.
     steepest
         (rows * cols, headings) out, greatest gradient of these planes.
     """
     lower, middle, upper, wide, row, col = ground
     floors[:] = np.inf
     steepest[:] = 0.0
-    if contacts.shape[0] == 0:
-        for place in range(rows * cols):
-            plane = plane_of((lower, middle, upper, wide, row + place // cols, col + place % cols), radius)
-            a, b = plane[1] / cell_m, plane[2] / cell_m
-            for heading in range(corners.shape[0]):
-                _lower(corners, heading, a, b, plane[0], floors[place, heading])
-                steepest[place, heading] = math.sqrt(a * a + b * b)
-        return
-    scratch, line = scratch_for(contacts), int(limits[A_LINE])
-    height, _, _, kept = scratch
-    count = len(height)
+    scratch, period = scratch_for(contacts), contacts.shape[0]
+    turned = np.empty((1, contacts.shape[1], 2), np.float32)
+    work = turned, scratch, np.empty((MOST_PLANES, 3)), np.empty((DEEPEST, 6))
+    under = math.ceil((limits[A_BELLY] + limits[A_PAD]) / cell_m + 1)
     for place in range(rows * cols):
-        here = lower, middle, upper, wide, row + place // cols, col + place % cols
+        r, c = row + place // cols, col + place % cols
+        here = lower, middle, upper, wide, r, c
         plane = plane_of(here, radius)
-        for own in range(contacts.shape[0]):
+        a, b = plane[1] / cell_m, plane[2] / cell_m
+        if period == 0:
+            for heading in range(corners.shape[0]):
+                steepest[place, heading] = math.sqrt(a * a + b * b)
+                for k in range(CORNERS):
+                    floors[place, heading, k] = (
+                        a * corners[heading, 2 * k] + b * corners[heading, 2 * k + 1] + plane[0]
+                    )
+            continue
+        edge_m = math.hypot(EDGE_SIGMAS * noise_m, abs(plane[1]) + abs(plane[2]))
+        highest = ground_of_box(here, plane, r - under, r + under, c - under, c + under)[2]
+        for own in range(period):
             wanted = False
-            for heading in range(own, corners.shape[0], contacts.shape[0]):
+            for heading in range(own, len(fits), period):
                 wanted = wanted or fits[heading]
-            if not wanted:
-                continue
-            edges = contact_heights(here, plane, cell_m, contacts, own, limits, noise_m, scratch)
-            if edges < 0:
-                continue
-            for sides in range(-1, 1 << PARTS):  # -1: at the mean heights
-                if sides >= 0:
-                    if edges == 0 or sides & ~edges != 0:
-                        continue
-                    put_at_edges(scratch, sides, line)
-                n = 0
-                for first in range(0, count, line):
-                    n = upper_hull(height, first, first + line, kept, n)
-                _lower_to_rests(contacts, own, height, kept, n, corners, place, floors, steepest)
+            if wanted and not _stands_on_cell(
+                here, plane, highest, cell_m, contacts, own, limits, edge_m, yaw_error, work,
+                corners, floors, steepest, place,
+            ):  # fmt: skip
+                for heading in range(own, len(fits), period):
+                    fits[heading] = False

@@ -48,7 +48,7 @@ Scratch = tuple[Row, Row, Row, Array1D[np.int64]]
 
 
 @kernel
-def _ground_of_box(
+def ground_of_box(
     ground: Ground, plane: Plane, row0: int, row1: int, col0: int, col1: int
 ) -> tuple[float, float, float]:
     """Return lowest, mean and highest ground over a plane in a box of cells; the mean is NaN without any."""
@@ -81,9 +81,9 @@ def ground_under(
     row, col = ground[4] + north, ground[5] + east
     row0, row1 = math.floor(row - pad + 0.5), math.floor(row + pad + 0.5)
     col0, col1 = math.floor(col - pad + 0.5), math.floor(col + pad + 0.5)
-    own = _ground_of_box(ground, plane, row0, row1, col0, col1)
+    own = ground_of_box(ground, plane, row0, row1, col0, col1)
     for ring in range(1, FARTHEST_RING + 1):
-        around = _ground_of_box(ground, plane, row0 - ring, row1 + ring, col0 - ring, col1 + ring)
+        around = ground_of_box(ground, plane, row0 - ring, row1 + ring, col0 - ring, col1 + ring)
         if not np.isnan(around[1]) and around[2] - around[0] <= edge_m:
             return around
         if not np.isnan(own[1]):
@@ -178,7 +178,7 @@ def _is_clear(ground: Ground, cell_m: float, limits: GearLimits, rest: Rest) -> 
 
 
 @kernel
-def _apart_m(contacts: Contacts, heading: int, line: int) -> float:
+def apart_m(contacts: Contacts, heading: int, line: int) -> float:
     """Return the distance between two skids."""
     east = contacts[heading, line, 0] - contacts[heading, 0, 0]
     return math.hypot(east, contacts[heading, line, 1] - contacts[heading, 0, 1])
@@ -232,7 +232,7 @@ def contact_heights(
         if most - least > edge_m:
             low[i], high[i] = level + least, level + most
             edges |= 1 << part_of(i, line)
-    return edges if line == 1 or cell_m <= FINE * _apart_m(contacts, heading, line) else 0
+    return edges if line == 1 or cell_m <= FINE * apart_m(contacts, heading, line) else 0
 
 
 @kernel
@@ -390,40 +390,3 @@ def refuse_without_heading(
             states[place + i] = IS_UNSAFE
         if left < CERTAIN_SIGMAS:
             certainties[to + i] *= np.float32(normal_cdf(left))
-
-
-@kernel
-def keep_common_headings(
-    ground: Ground,
-    radius: int,
-    rows: int,
-    cols: int,
-    cell_m: float,
-    contacts: Contacts,
-    limits: GearLimits,
-    noise_m: float,
-    fits: Array1D[np.bool_],
-) -> None:
-    """Clear the headings at which the gear cannot stand on some cell of a box.
-
-    Parameters
-    ----------
-    ground
-        Ground of the box and a margin; its row and column are those of the south-west cell of the box.
-    radius
-        Radius of a footprint, in cells.
-    noise_m
-        Standard deviation of the height of one return.
-    fits
-        One flag for each heading of the contacts.
-    """
-    lower, middle, upper, wide, row, col = ground
-    scratch = scratch_for(contacts)
-    for r in range(row, row + rows):
-        for c in range(col, col + cols):
-            here = lower, middle, upper, wide, r, c
-            plane = plane_of(here, radius)
-            for heading in range(contacts.shape[0]):
-                if fits[heading]:
-                    gradient = gradient_at(here, plane, cell_m, contacts, heading, limits, noise_m, scratch)
-                    fits[heading] = gradient <= limits[A_GRADIENT]
