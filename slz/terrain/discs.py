@@ -77,7 +77,7 @@ class Site:
 
     cells: (6, rows + 2 edge, cols + 2 edge) of `slz.kernels.cells.cell_statistics.summarise`; the edge is at
     least `Discs.reach + Discs.margin`. ground: the same cells, from the box's first one on. radius: of a
-    footprint, in cells. noise_m: standard deviation of the height of one return.
+    footprint, in cells.
     """
 
     cells: NDArray[np.float32]
@@ -87,7 +87,6 @@ class Site:
     edge: int
     radius: int
     cell_m: float
-    noise_m: float
 
     @property
     def middle(self) -> tuple[int, int]:

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.kernels.cells.cell_record import BOTTOM, EXCESS, HEIGHT, SPREAD, WEIGHT
 from slz.kernels.footprint.certainty import hazard_quarters
-from slz.kernels.footprint.rest_planes import CORNERS, keep_rests
+from slz.kernels.footprint.rest_planes import CORNERS, keep_rests, rests_anyhow
 from slz.terrain.discs import Site, discs_of, keep_clear_headings, upper_ground
 from slz.terrain.gear import HEADING_ERROR_DEG, HEADING_STEP_DEG, gear_of
 
+YAW_ERROR = math.radians(HEADING_ERROR_DEG)
 ALL_HEADINGS = tuple(range(0, 360, HEADING_STEP_DEG))
 GEAR = "gear: tips or touches with its belly"
 
@@ -79,21 +80,26 @@ def footing(
         return Footing(unseen=unseen)
     level = float(np.median(inner[HEIGHT][known]))
     noise_m = math.sqrt(float(inner[SPREAD][known].mean()))
-    around = np.ones(len(ALL_HEADINGS), np.bool_)
+    ground = *_ground(cells, level), cells.shape[2], edge, edge
+    site = Site(cells, ground, rows, cols, edge, radius, cell_m)
     corners = np.empty((0, 2 * CORNERS)) if discs is None else discs.corners_m
     floors = np.empty((rows * cols, len(corners), CORNERS))
-    steepest = np.empty(floors.shape[:2])
-    ground = *_ground(cells, level), cells.shape[2], edge, edge
-    keep_rests(
-        ground, radius, rows, cols, cell_m, gear.contacts_m, gear.limits, noise_m,
-        math.radians(HEADING_ERROR_DEG), around, corners, floors, steepest,
-    )  # fmt: skip
-    blocked_by = "" if around.all() else GEAR
-    if discs is not None and around.any():
-        site = Site(cells, ground, rows, cols, edge, radius, cell_m, noise_m)
-        in_the_way = keep_clear_headings(discs, site, parameters, floors, steepest, around)
-        blocked_by = blocked_by if in_the_way is None else in_the_way.text
-    return Footing(tuple((np.flatnonzero(around) * HEADING_STEP_DEG).tolist()), unseen, blocked_by)
+    steepest, blocked_by = np.empty(floors.shape[:2]), ""
+    clear = np.zeros(len(ALL_HEADINGS), np.bool_)
+    box = ground, radius, rows, cols, cell_m
+    if len(gear.contacts_m) and rests_anyhow(*box, gear.limits, corners, floors, steepest):
+        clear[:] = True
+        if discs is not None:
+            keep_clear_headings(discs, site, parameters, floors, steepest, clear)
+    others = ~clear
+    if others.any():
+        keep_rests(*box, gear.contacts_m, gear.limits, noise_m, YAW_ERROR, others, corners, floors, steepest)
+        blocked_by = "" if (clear | others).all() else GEAR
+        if discs is not None and others.any():
+            in_the_way = keep_clear_headings(discs, site, parameters, floors, steepest, others)
+            blocked_by = blocked_by if in_the_way is None else in_the_way.text
+    headings = np.flatnonzero(clear | others) * HEADING_STEP_DEG
+    return Footing(tuple(headings.tolist()), unseen, blocked_by)
 
 
 def _ground(

@@ -22,6 +22,7 @@ from slz.kernels.footprint.rest_pose import (
     A_BELLY,
     A_CLEARANCE,
     A_GRADIENT,
+    A_LEVERAGE,
     A_LINE,
     A_PAD,
     EDGE_SIGMAS,
@@ -309,6 +310,61 @@ def _stands_on_cell(
             return False
         else:
             count = _halved(waiting, count, box, reach_m)
+    return True
+
+
+@kernel
+def _relief_under(ground: Ground, plane: Plane, reach: int) -> tuple[float, float]:
+    """Return the lowest and the highest ground over a plane within a square of cells; infinite with gaps."""
+    lower, _, upper, wide, row, col = ground
+    low, high = np.inf, -np.inf
+    if min(row, col) < reach or row + reach >= len(lower) // wide or col + reach >= wide:
+        return -np.inf, np.inf
+    for r in range(row - reach, row + reach + 1):
+        for c in range(col - reach, col + reach + 1):
+            at = r * wide + c
+            if lower[at] == NOWHERE:
+                return -np.inf, np.inf
+            level = plane[0] + plane[1] * (c - col) + plane[2] * (r - row)
+            low, high = min(low, lower[at] - level), max(high, upper[at] - level)
+    return low, high
+
+
+@kernel
+def rests_anyhow(
+    ground: Ground,
+    radius: int,
+    rows: int,
+    cols: int,
+    cell_m: float,
+    limits: GearLimits,
+    corners: Corners,
+    floors: Floors,
+    steepest: Steepest,
+) -> bool:
+    """Return whether a box of cells is so even that the gear stands on it in any pose, and bound its floors.
+
+    What it bounds is never above what `keep_rests` finds, and takes no search. See there for the parameters.
+    """
+    lower, middle, upper, wide, row, col = ground
+    belly, leverage = float(limits[A_BELLY]), float(limits[A_LEVERAGE])
+    under, aside_m = math.ceil((belly + limits[A_PAD]) / cell_m + 1), cell_m * math.sqrt(0.5)
+    for place in range(rows * cols):
+        here = lower, middle, upper, wide, row + place // cols, col + place % cols
+        plane = plane_of(here, radius)
+        a, b = plane[1] / cell_m, plane[2] / cell_m
+        low, high = _relief_under(here, plane, under)
+        tilt, gradient = max(0.0, high - low) * leverage, math.sqrt(a * a + b * b)
+        if not gradient + tilt <= limits[A_GRADIENT]:  # NaN without a plane
+            return False
+        if high - low + tilt * (belly + aside_m) > limits[A_CLEARANCE]:
+            return False
+        for heading in range(corners.shape[0]):
+            steepest[place, heading] = gradient + tilt
+            for k in range(CORNERS):
+                east, north = corners[heading, 2 * k], corners[heading, 2 * k + 1]
+                away_m = math.sqrt(east * east + north * north) + aside_m
+                floors[place, heading, k] = a * east + b * north + plane[0] + low - tilt * away_m
     return True
 
 
