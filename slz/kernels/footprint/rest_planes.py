@@ -27,7 +27,6 @@ from slz.kernels.footprint.rest_pose import (
     A_PAD,
     EDGE_SIGMAS,
     FARTHEST_RING,
-    FINE,
     NOWHERE,
     PARTS,
     Contacts,
@@ -36,7 +35,6 @@ from slz.kernels.footprint.rest_pose import (
     Plane,
     Rest,
     Scratch,
-    apart_m,
     ground_of_box,
     part_of,
     plane_of,
@@ -128,7 +126,7 @@ def _contact_bounds(
         if most - least > edge_m:
             low[i], high[i] = level + least, level + most
             edges |= 1 << part_of(i, line)
-    return edges if line == 1 or cell_m <= FINE * apart_m(turned, 0, line) else 0
+    return edges
 
 
 @kernel

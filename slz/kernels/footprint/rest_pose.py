@@ -178,7 +178,7 @@ def _is_clear(ground: Ground, cell_m: float, limits: GearLimits, rest: Rest) -> 
 
 
 @kernel
-def apart_m(contacts: Contacts, heading: int, line: int) -> float:
+def _apart_m(contacts: Contacts, heading: int, line: int) -> float:
     """Return the distance between two skids."""
     east = contacts[heading, line, 0] - contacts[heading, 0, 0]
     return math.hypot(east, contacts[heading, line, 1] - contacts[heading, 0, 1])
@@ -232,7 +232,7 @@ def contact_heights(
         if most - least > edge_m:
             low[i], high[i] = level + least, level + most
             edges |= 1 << part_of(i, line)
-    return edges if line == 1 or cell_m <= FINE * apart_m(contacts, heading, line) else 0
+    return edges if line == 1 or cell_m <= FINE * _apart_m(contacts, heading, line) else 0
 
 
 @kernel
