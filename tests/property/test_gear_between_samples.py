@@ -1,4 +1,4 @@
-"""The gear in all poses that the vehicle may take, on cells written by hand: not only in those of a lattice."""
+"""The gear in all poses that the vehicle may take, not only in those of a lattice, on cells written by hand."""
 
 from __future__ import annotations
 
@@ -101,6 +101,13 @@ def test_an_object_anywhere_along_a_skid_excludes_the_heading() -> None:
         found = headings(ground(raised=[(row, EDGE + 3, 0.3)]), "skids")
         assert not {0, 180} & found, row
     assert {0, 180} <= headings(ground(raised=[(EDGE + 2, EDGE, 0.3)]), "skids")
+
+
+def test_an_object_under_the_end_of_a_skid_tilts_it_more_than_one_under_half_of_it() -> None:
+    """On the slope, 0.17 m under one end tilts it to 16 degrees; all cells there raised, to 12."""
+    slope = (0.14, 0.0)
+    end = [(EDGE + 4, EDGE + 3, 0.17)]
+    assert 0 not in headings(ground(slope, end), "skids")
 
 
 @settings(deadline=None, max_examples=60)

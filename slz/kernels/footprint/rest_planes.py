@@ -38,7 +38,6 @@ from slz.kernels.footprint.rest_pose import (
     ground_of_box,
     part_of,
     plane_of,
-    put_at_edges,
     rest_on,
     scratch_for,
     upper_hull,
@@ -49,7 +48,8 @@ RECTANGLES = 2  # of rotor and tail
 CORNERS = 4 * RECTANGLES
 FINEST = 0.25  # of a cell: sides of the smallest boxes
 DEEPEST = 64  # boxes that wait to be looked at
-MOST_PLANES = 512  # on which a gear may rest in one box; with more, it counts as tipping over
+LOWER, FIRST, LAST, UPPER = range(4)  # contacts of a part that are at the upper side of their edges
+MOST_PLANES = 2048  # on which a gear may rest in one box; with more, it counts as tipping over
 # Box of poses: middle east and north of that of the touchdown's cell, yaw beyond the heading, and half its
 # sides (m, m, rad).
 Box = tuple[float, float, float, float, float, float]
@@ -199,6 +199,55 @@ def _planes_at(
 
 
 @kernel
+def _may_tip(
+    plane: Plane, cell_m: float, turned: Contacts, box: Box, limits: GearLimits, scratch: Scratch
+) -> bool:
+    """Return whether contacts at any heights within their bounds might tilt the gear beyond its limit."""
+    _, low, high, _ = scratch
+    least, most = np.inf, -np.inf
+    for i in range(len(low)):
+        col, row = (box[B_EAST] + turned[0, i, 0]) / cell_m, (box[B_NORTH] + turned[0, i, 1]) / cell_m
+        level = plane[0] + plane[1] * col + plane[2] * row
+        least, most = min(least, low[i] - level), max(most, high[i] - level)
+    gradient = math.hypot(plane[1], plane[2]) / cell_m
+    return bool(gradient + (most - least) * limits[A_LEVERAGE] > limits[A_GRADIENT])
+
+
+@kernel
+def _differs(sides: int, edges: int, uneven: bool) -> bool:
+    """Return whether no other sides give the same heights, see `_put_at_edges`.
+
+    edges: bits of the parts at edges. uneven: whether contacts alone at the upper side are tried.
+    """
+    for part in range(PARTS):
+        side = sides >> 2 * part & 3
+        if (side != LOWER and not edges >> part & 1) or (side in (FIRST, LAST) and not uneven):
+            return False
+    return True
+
+
+@kernel
+def _put_at_edges(scratch: Scratch, sides: int, line: int) -> None:
+    """Write the heights of the contacts at edges, by two bits of `sides` for each part of the gear.
+
+    All of a part are at the lower or the upper side of their edges, or the first or the last one alone is at
+    the upper side: an object under one end of a skid tilts it more than one under half of it.
+    """
+    height, low, high, _ = scratch
+    count = len(height)
+    for i in range(count):
+        if not low[i] < high[i]:
+            continue
+        part = part_of(i, line)
+        side, first, last = sides >> 2 * part & 3, True, True
+        for k in range(count):
+            if low[k] < high[k] and part_of(k, line) == part:
+                first, last = first and k >= i, last and k <= i
+        up = side == UPPER or (side == FIRST and first) or (side == LAST and last)
+        height[i] = high[i] if up else low[i]
+
+
+@kernel
 def _planes_in(
     ground: Ground,
     plane: Plane,
@@ -212,14 +261,14 @@ def _planes_in(
     planes: Planes,
 ) -> int:
     """Write the planes on which a gear may rest in a box of poses; return how many, or -1 as `_planes_at`."""
-    edges = _contact_bounds(ground, plane, cell_m, turned, box, limits, edge_m, scratch)
+    edges, found = _contact_bounds(ground, plane, cell_m, turned, box, limits, edge_m, scratch), 0
     if edges < 0:
         return -1
-    found, line = 0, int(limits[A_LINE])
-    for sides in range(1 << PARTS):  # a bit for each part: at the upper side of its edges
-        if sides & ~edges == 0 and found >= 0:
+    uneven = int(limits[A_LINE]) > 1 and _may_tip(plane, cell_m, turned, box, limits, scratch)
+    for sides in range(1 << 2 * PARTS):
+        if found >= 0 and _differs(sides, edges, uneven):
             if edges != 0:
-                put_at_edges(scratch, sides, line)
+                _put_at_edges(scratch, sides, int(limits[A_LINE]))
             found = _planes_at(ground, plane, highest, cell_m, turned, box, limits, scratch, planes, found)
     return found
 
