@@ -139,7 +139,7 @@ def rests(contacts: Floats, heights: Floats) -> list[tuple[float, float, float]]
 def planes_at(
     vehicle: Vehicle, ground: Floats, touchdown: tuple[float, float], yaw: float
 ) -> list[tuple[float, float, float]]:
-    """Return the planes on which the pads can rest at a pose; ground: heights of all pixels, [north, east]."""
+    """Return the planes on which pads can rest at a pose; ground: heights of all pixels, [north, east]."""
     sine, cosine, half = math.sin(yaw), math.cos(yaw), vehicle.gear_m / 2
     body = np.array([(x, y) for x in (half, -half) for y in (-half, half)])
     contacts = np.column_stack(

@@ -1,4 +1,4 @@
-"""The gear in all poses that the vehicle may take, not only in those of a lattice, on cells written by hand."""
+"""The gear in all poses that a vehicle may take, not only in those of a lattice, on cells written by hand."""
 
 from __future__ import annotations
 

@@ -234,17 +234,19 @@ def _put_at_edges(scratch: Scratch, sides: int, line: int) -> None:
     the upper side: an object under one end of a skid tilts it more than one under half of it.
     """
     height, low, high, _ = scratch
-    count = len(height)
+    count, before, after = len(height), 0, 0
     for i in range(count):
-        if not low[i] < high[i]:
-            continue
         part = part_of(i, line)
-        side, first, last = sides >> 2 * part & 3, True, True
-        for k in range(count):
-            if low[k] < high[k] and part_of(k, line) == part:
-                first, last = first and k >= i, last and k <= i
-        up = side == UPPER or (side == FIRST and first) or (side == LAST and last)
-        height[i] = high[i] if up else low[i]
+        if low[i] < high[i]:
+            side, first = sides >> 2 * part & 3, before >> part & 1 == 0
+            height[i] = high[i] if side == UPPER or (side == FIRST and first) else low[i]
+            before |= 1 << part
+    for i in range(count - 1, -1, -1):
+        part = part_of(i, line)
+        if low[i] < high[i]:
+            if sides >> 2 * part & 3 == LAST and after >> part & 1 == 0:
+                height[i] = high[i]
+            after |= 1 << part
 
 
 @kernel
