@@ -104,10 +104,10 @@ def test_an_object_anywhere_along_a_skid_excludes_the_heading() -> None:
 
 
 def test_an_object_under_the_end_of_a_skid_tilts_it_more_than_one_under_half_of_it() -> None:
-    """On the slope, 0.17 m under one end tilts it to 16 degrees; all cells there raised, to 12."""
-    slope = (0.14, 0.0)
-    end = [(EDGE + 4, EDGE + 3, 0.17)]
-    assert 0 not in headings(ground(slope, end), "skids")
+    """At 105 degrees, up a slope of 8, 0.15 m under one front end tilts it to 17 degrees."""
+    assert {105, 285} <= headings(ground((0.14, 0.0)), "skids")
+    found = headings(ground((0.14, 0.0), [(EDGE - 4, EDGE + 3, 0.15)]), "skids")
+    assert not {105, 285} & found
 
 
 @settings(deadline=None, max_examples=60)
