@@ -14,12 +14,16 @@ from sitl.sensors import ouster_os1, ouster_packets, vlp16
 from tests.e2e.harness import POINT_RATE_HZ, Mission
 
 RATE_HZ = {"vlp16": round(vlp16.RATE_HZ)}  # its own: thinned to 50,000 it takes specks of dust for objects
-OUSTER = pytest.param("plain", 3, "ouster", marks=pytest.mark.bench)  # on request, for its time
+ON_REQUEST = [  # for their time
+    pytest.param("plain", 3, "ouster", marks=pytest.mark.bench),
+    pytest.param("plain", 4, "sf45", marks=pytest.mark.bench),
+    pytest.param("stadium", 2, "vlp16", marks=pytest.mark.bench),
+]
 
 
 @pytest.mark.parametrize(
     ("scene", "seed", "lidar"),
-    [("plain", 2, "vlp16"), ("plain", 3, "mid360"), ("plain", 4, "sf45"), OUSTER],
+    [("plain", 2, "vlp16"), ("plain", 3, "mid360"), *ON_REQUEST],
 )
 @pytest.mark.timeout(600)  # a flight of 200,000 packets and its replay, on whatever else the computer does
 def test_surveys_chooses_and_lands_on_safe_ground_and_again_in_the_replay(

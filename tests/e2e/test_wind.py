@@ -16,7 +16,13 @@ def off_wind_deg(mission: Mission) -> float:
     return abs(math.degrees(math.remainder(math.radians(contact["heading_deg"] - FROM_DEG), 2 * math.pi)))
 
 
-@pytest.mark.parametrize(("seed", "drag_fusion", "source"), [(1, 0.23, "autopilot"), (2, 0.0, "tilt")])
+@pytest.mark.parametrize(
+    ("seed", "drag_fusion", "source"),
+    [
+        pytest.param(1, 0.23, "autopilot", marks=pytest.mark.bench),
+        (2, 0.0, "tilt"),
+    ],  # on request, for its time
+)
 def test_lands_into_a_wind_of_eight_metres_per_second(seed: int, drag_fusion: float, source: str) -> None:
     blown = {"wind_ms": 8.0, "wind_from_deg": FROM_DEG, "gust_ms": 1.0}
     mission = Mission(
