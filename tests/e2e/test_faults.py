@@ -29,7 +29,7 @@ def test_a_fault_in_a_state_of_the_landing_meets_the_stated_reaction(
     assert reactions.faults_of(flown) == []
 
 
-@pytest.mark.parametrize("number", [2, 4])
+@pytest.mark.parametrize("number", [2, pytest.param(4, marks=pytest.mark.bench)])  # 4 on request
 def test_among_kerbs_the_vehicle_lands_where_its_gear_stands(number: int, tmp_path: Path) -> None:
     flown = fly(Plan(number, "none", Phase.SURVEY, "streets", 0.5, 4.0, 1.0), tmp_path)
     assert reactions.faults_of(flown) == []

@@ -31,6 +31,7 @@ def test_two_vehicles_end_the_program_by_name_before_it_commands() -> None:
         mission.loop.close()
 
 
+@pytest.mark.bench  # on request, for its time
 def test_it_lands_beside_a_gimbal_of_its_own_system() -> None:
     mission = Mission()
     beside(mission, "gimbal")
