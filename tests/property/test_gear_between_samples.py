@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 import params
-from slz.kernels.cells.cell_record import BOTTOM, HEIGHT, SPREAD, SUMMARY_LAYERS, TOP, WEIGHT
+from slz.kernels.cells.cell_record import WEIGHT
 from slz.terrain.derive import reach_of
 from slz.terrain.footing import ALL_HEADINGS, GEAR, YAW_ERROR, Footing, footing, footing_edge
+from tests.property.written_cells import Cells, plane_with_obstacles
 
-Cells = NDArray[np.float32]
 CELL_M = 0.1
 GEARS = {
     "pads": ("gear_length_m=0.6", "gear_width_m=0.6"),
@@ -39,13 +38,7 @@ slopes = st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1))
 
 def ground(slope: tuple[float, float] = (0.0, 0.0), raised: Iterable[tuple[int, int, float]] = ()) -> Cells:
     """A plane, with obstacles somewhere in single cells."""
-    row, col = np.mgrid[:SIDE, :SIDE] * CELL_M
-    cells = np.zeros((SUMMARY_LAYERS, SIDE, SIDE), np.float32)
-    cells[[HEIGHT, BOTTOM, TOP]] = slope[0] * col + slope[1] * row
-    cells[SPREAD], cells[WEIGHT] = 1e-6, 8
-    for r, c, high_m in raised:
-        cells[TOP, r, c] += high_m
-    return cells
+    return plane_with_obstacles(SIDE, CELL_M, slope, raised)
 
 
 def judged(cells: Cells, name: str = "pads") -> Footing:

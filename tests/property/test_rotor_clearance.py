@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 import params
-from slz.kernels.cells.cell_record import BOTTOM, HEIGHT, SPREAD, SUMMARY_LAYERS, TOP, WEIGHT
+from slz.kernels.cells.cell_record import BOTTOM, HEIGHT, SPREAD, TOP, WEIGHT
 from slz.terrain.derive import reach_of
 from slz.terrain.footing import ALL_HEADINGS, Footing, footing, footing_edge
+from tests.property.written_cells import Cells, plane_with_obstacles
 
-Cells = NDArray[np.float32]
 CELL_M = 0.2
 HELICOPTER = (
     "rotor_diameter_m=2", "rotor_height_m=0.8", "tail_length_m=2", "tail_height_m=0.5", "tail_width_m=0.2",
@@ -36,13 +35,7 @@ slopes = st.tuples(st.floats(-0.1, 0.1), st.floats(-0.1, 0.1))
 
 def ground(slope: tuple[float, float] = (0.0, 0.0), raised: Iterable[tuple[int, int, float]] = ()) -> Cells:
     """A plane, with obstacles on single cells."""
-    row, col = np.mgrid[:SIDE, :SIDE] * CELL_M
-    cells = np.zeros((SUMMARY_LAYERS, SIDE, SIDE), np.float32)
-    cells[[HEIGHT, BOTTOM, TOP]] = slope[0] * col + slope[1] * row
-    cells[SPREAD], cells[WEIGHT] = 1e-6, 8
-    for r, c, high_m in raised:
-        cells[TOP, r, c] += high_m
-    return cells
+    return plane_with_obstacles(SIDE, CELL_M, slope, raised)
 
 
 def unseen(cells: Cells, row: int, col: int, reach: int = 1) -> Cells:
