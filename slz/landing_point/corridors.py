@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.air.seen_air import SeenAir
 from slz.frame import is_known
-from slz.grid import Box, Grid
-from slz.kernels.air.corridor_obstacles import clear_over
+from slz.kernels.air.corridor_obstacles import clear_over, forget_known
 from slz.landing_point.surroundings import cell_of
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 from slz.terrain.terrain_view import TerrainView
@@ -88,7 +87,8 @@ def corridors(
     Parameters
     ----------
     near, far
-        Maps of the ground and what stands on it; those of the far map count beyond `NEAR_M`. May be the same.
+        Maps of the ground and what stands on it, or the same twice. Up to `NEAR_M` from the point the far map
+        counts only where the near one does not know all the ground.
     air
         Air that rays passed; None where no ray is known, as in a survey of files: then nothing is clear.
     """
@@ -102,18 +102,18 @@ def corridors(
     radius_m, reach_m = corridor_radius_m(p), corridor_reach_m(p)
     floor_m, high_m = float(enu_m[2]) + p.relief_m, p.survey_height_m * CEILING
     parts = ((near, min(NEAR_M, reach_m)),) if near is not far else ()
-    known: tuple[NDArray[np.floating], Box] | None = None
+    known: tuple[NDArray[np.float32], tuple[float, float, float]] | None = None
     for terrain, to_m in (*parts, (far, reach_m)):
         grid = terrain.grid
         box = terrain.around(cell_of(enu_m, terrain), math.ceil(to_m / grid.cell_m))
         ground, top = terrain.ground_and_top(box)
+        lattice = grid.south_m + box.row0 * grid.cell_m, grid.west_m + box.col0 * grid.cell_m, grid.cell_m
         if known is not None:
-            forget_known(top, box, grid, *known, near.grid, floor_m)
-        known = ground, box
-        safe = terrain.state(box) == SAFE
-        corner = grid.south_m + box.row0 * grid.cell_m, grid.west_m + box.col0 * grid.cell_m
-        place = *corner, grid.cell_m, float(enu_m[0]), float(enu_m[1]), floor_m
-        clear_over(top, safe, *place, radius_m, SPREAD, to_m, float(slopes[0]), tangents, obstacles)
+            forget_known(top, *lattice, known[0], *known[1], floor_m)
+        known = ground, lattice
+        safe, place = terrain.state(box) == SAFE, (float(enu_m[0]), float(enu_m[1]), floor_m)
+        shape = radius_m, SPREAD, to_m, float(slopes[0])
+        clear_over(top, safe, *lattice, *place, *shape, tangents, obstacles)
     blocked = (tangents[:, np.newaxis] > slopes) | np.isinf(tangents)[:, np.newaxis]
     if air is not None:
         floor = np.array([enu_m[0], enu_m[1], floor_m])
@@ -134,32 +134,3 @@ def corridor_reach_m(parameters: Parameters) -> float:
     p = parameters
     least = math.tan(math.radians(p.approach_slope_deg))
     return min(p.corridor_m, (p.survey_height_m * CEILING / least + corridor_radius_m(p)) * (1 + SPREAD))
-
-
-def forget_known(
-    top: NDArray[np.floating],
-    box: Box,
-    grid: Grid,
-    near_ground: NDArray[np.floating],
-    near_box: Box,
-    near_grid: Grid,
-    floor_m: float,
-) -> None:
-    """Set the tops of a far map's box that are over the floor to NaN where the near map knows the ground.
-
-    The far map holds returns from farther away, whose heights an attitude error of 1 degree at 40 m moves by
-    0.7 m. Where the near map knows nothing they count.
-
-    Parameters
-    ----------
-    top, near_ground
-        Of the boxes `box` and `near_box` of both grids (m), NaN where unknown; the former is changed.
-    """
-    rows, cols = np.nonzero(top > floor_m)
-    north_m = grid.south_m + (box.row0 + rows + 0.5) * grid.cell_m - near_grid.south_m
-    east_m = grid.west_m + (box.col0 + cols + 0.5) * grid.cell_m - near_grid.west_m
-    r = np.floor(north_m / near_grid.cell_m).astype(np.int64) - near_box.row0
-    c = np.floor(east_m / near_grid.cell_m).astype(np.int64) - near_box.col0
-    inside = (r >= 0) & (r < near_ground.shape[0]) & (c >= 0) & (c < near_ground.shape[1])
-    inside[inside] = np.isfinite(near_ground[r[inside], c[inside]])
-    top[rows[inside], cols[inside]] = np.nan

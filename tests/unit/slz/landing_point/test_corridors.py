@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 
 import params
 from slz import LocalFrame, Pipeline, Window
-from slz.grid import Box, Grid
-from slz.landing_point.corridors import BEARINGS, Corridors, forget_known
+from slz.landing_point.corridors import BEARINGS, Corridors
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
@@ -132,21 +131,3 @@ def test_the_order_of_points_changes_nothing_but_the_rays_followed() -> None:
     walls = ((8.0, 5.0, 6.0),)
     before, after = judged(walls), judged(walls, seed=2)
     assert (after.states != before.states).mean() < 0.03
-
-
-@pytest.mark.parametrize("shift", [0.0, -37.3])
-def test_a_top_of_the_far_map_counts_where_the_near_map_knows_nothing(shift: float) -> None:
-    near_grid, far_grid = Grid(shift, shift, 0.2, 400, 400), Grid(shift - 0.4, shift + 0.3, 0.5, 200, 200)
-    near_box, far_box = Box(100, 200, 100, 200), Box(0, 200, 0, 200)
-    ground = np.zeros((100, 100), np.float32)
-    ground[:, 50:] = np.nan
-    top = np.full((200, 200), 2.0, np.float32)
-    top[0, 0] = 0.2
-    forget_known(top, far_box, far_grid, ground, near_box, near_grid, 0.3)
-    north = far_grid.south_m + (np.arange(200) + 0.5) * 0.5
-    east = far_grid.west_m + (np.arange(200) + 0.5) * 0.5
-    middle_n = (north >= shift + 20) & (north < shift + 40)
-    known_e = (east >= shift + 20) & (east < shift + 30)
-    expected = ~(middle_n[:, None] & known_e)
-    np.testing.assert_array_equal(np.isfinite(top), expected)
-    assert top[0, 0] == np.float32(0.2)
