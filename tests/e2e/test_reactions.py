@@ -104,10 +104,11 @@ def test_an_autopilot_that_is_not_set_up_is_not_landed_without_an_order() -> Non
         assert "SLZ: GUID_TIMEOUT is 30, needs 0.5 to 5" in m.heard
         assert "SLZ: no landing by itself: GUID_TIMEOUT" in m.heard
         m.sim.pilot.command(mavlink.MAV_CMD_USER_1, 1, component=191)
-        await m.until_phase(Phase.DESCEND, 180)
+        await m.until_phase(Phase.LANDED, 180)
 
     mission.fly(script)
     assert "SLZ: landing is at risk: GUID_TIMEOUT" in mission.heard
+    assert mission.touchdown_safe()
     told = mission.companion.summary["autopilot_parameters"]
     assert (told["read"], told["fit"]) == (True, False)
     assert [fault["name"] for fault in told["wrong"]] == ["GUID_TIMEOUT"]
@@ -126,7 +127,8 @@ def test_a_parameter_set_right_in_the_air_lets_it_land_by_itself() -> None:
         await m.until(lambda: m.sim.autopilot.mode is Mode.LOITER)
         await asyncio.sleep(2)
         m.sim.pilot.set_mode(Mode.GUIDED)
-        await m.until_phase(Phase.DESCEND, 180)
+        await m.until_phase(Phase.LANDED, 180)
 
     mission.fly(script)
     assert "SLZ: autopilot's parameters are right now" in mission.heard
+    assert mission.touchdown_safe()
