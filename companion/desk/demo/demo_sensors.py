@@ -40,8 +40,6 @@ SENSORS = (
     DemoSensor("radar", "radar", "radar", settings=(*RADAR, *ALONG_THE_VEHICLE)),
     DemoSensor("lidar+radar", "mid360", "livox", radar=True, settings=(*RADAR, "lidar_timeout_s=2")),
 )
-
-
 HIGH_M = 40.0  # the range of a Mid-360 to dark ground
 
 

@@ -23,6 +23,7 @@ from companion.flight.landing.situation import (
 )
 from companion.flight.landing.ways.approach_path import ApproachPath
 from companion.flight.landing.ways.endurance import Endurance
+from companion.flight.landing.ways.way_choice import is_blocked, straight_down_is_blocked
 from companion.flight.landing.wind.into_wind import IntoWind
 from companion.flight.landing.wind.wind_limit import WindLimit
 from companion.flight.landing.zone_choice import must_be_confirmed, soonest
@@ -204,7 +205,16 @@ class LandingState:
         if judged is not PointState.SAFE:
             return f"point {judged.value}" + self.water_suffix(s)
         unconfirmed = self.unconfirmed(s)
-        return None if unconfirmed is None else f"{unconfirmed}: not confirmed"
+        if unconfirmed is not None:
+            return f"{unconfirmed}: not confirmed"
+        return "way in blocked" if self._is_way_blocked(s) else None
+
+    def _is_way_blocked(self, s: Situation) -> bool:
+        """Return whether something stands in the way down; an urgent landing goes straight down anyway."""
+        corridors = self.corridors(s)
+        if self.path is not None:
+            return is_blocked(corridors, self.path)
+        return straight_down_is_blocked(corridors) and not self.is_urgent
 
     def follow_wind(self, s: Situation) -> None:
         """Update heading and limit from the present wind."""

@@ -60,7 +60,7 @@ def limit_velocity(
 def half_width_m(parameters: Parameters) -> float:
     """Return half the width of the way that a vehicle needs: of its footprint, discs and tail."""
     p = parameters
-    return max(ASIDE_M, (max(p.footprint_m, p.greatest_dimension_m)) / 2)
+    return max(ASIDE_M, p.footprint_m / 2, p.greatest_dimension_m / 2)
 
 
 def limit_horizontal(

@@ -17,7 +17,6 @@ from companion.flight.landing.situation import (
 )
 from companion.flight.landing.touchdown_heading import stands_at, touchdown_heading_rad
 from companion.flight.landing.ways.approach_path import ApproachPath
-from companion.flight.landing.ways.way_choice import is_blocked, straight_down_is_blocked
 from slz import PointState
 
 TARGET_NS = round(2.5 * SECOND)  # landing target streamed before LAND, for the autopilot's estimator
@@ -61,8 +60,6 @@ class Descent:
             return state.break_off(reason, s)
         if state.path is not None:
             return self._on_path(state.path, s)
-        if straight_down_is_blocked(state.corridors(s)) and not state.is_urgent:
-            return state.break_off("way in blocked", s)
         left_m, away_m, target = state.aim.height_left_m, state.aim.away_m, state.aim.on_ground_enu_m
         stands = stands_at(s.selected, s.heading_rad)
         steady = stands and s.now_ns - state.since_ns > TARGET_NS
@@ -84,7 +81,7 @@ class Descent:
         away_m, target = state.aim.away_m, state.aim.on_ground_enu_m
         if not s.blocked or s.now_ns - state.since_ns < BLOCKED_NS:
             self._free_ns = s.now_ns
-        if s.now_ns - self._free_ns >= BLOCKED_NS or is_blocked(state.corridors(s), path):
+        if s.now_ns - self._free_ns >= BLOCKED_NS:
             return state.break_off("way in blocked", s)
         if away_m > TARGET_FROM_M or self._near_since_ns is None or self._near_since_ns < state.since_ns:
             self._near_since_ns = s.now_ns

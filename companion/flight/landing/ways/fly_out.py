@@ -69,6 +69,8 @@ class FlyOut:
         Where something stands in it, or its air stays unseen, a steeper one of its bearing replaces it; with
         none it is given up, and `path` None.
         """
+        if self._state.is_urgent:  # the battery became low meanwhile: back, and straight down
+            self.path = None
         path, corridors = self.path, self._state.corridors(s)
         if path is None:
             return None

@@ -133,3 +133,20 @@ def test_an_urgent_landing_goes_straight_down() -> None:
     one = flight(made(), battery_land_pct=30.0)
     one.battery_pct = 20.0
     assert np.hypot(*track(one, Phase.DESCEND)[0, :2]) < 2
+
+
+def test_what_comes_beside_the_point_breaks_the_autopilot_s_landing_off() -> None:
+    one = flight(made(), approach_path="vertical")
+    one.fly_to(Phase.FINAL).run(1)
+    assert one.position[2] > 5
+    one.corridors = lambda _flight: made({(0, 90.0): int(UNSAFE)})
+    one.fly_to(Phase.CLIMB)
+    assert any("abort: way in blocked" in text for text in one.texts)
+
+
+def test_a_battery_that_becomes_low_on_the_way_out_brings_it_back_and_straight_down() -> None:
+    one = flight(made({(90, 10.0): int(SAFE)}, all_of=int(UNKNOWN)), battery_land_pct=30.0)
+    one.until(lambda f: any("flying out" in text for text in f.texts))
+    one.battery_pct = 20.0
+    places = track(one, Phase.DESCEND)
+    assert np.hypot(places[:, 0], places[:, 1]).max() < 2
