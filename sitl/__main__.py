@@ -10,9 +10,8 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from sitl import scenes
+from sitl import intruders, scenes
 from sitl.attached import attach
-from sitl.intruder import HIGHEST_M, Intruder
 from sitl.lockstep import LockstepServer
 from sitl.pace import Pace
 from sitl.sensors import lidars
@@ -20,6 +19,7 @@ from sitl.sensors.lidar_port import Address
 from sitl.signals import Ended, Signals
 from sitl.simulation import DEFAULT_ORIGIN, Simulation
 from sitl.truth import gear_options, truth
+from sitl.vehicle.rotor_strike import Rotor
 from sitl.wire.message_signing import read_key
 from sitl.wire.wire import WireError
 
@@ -40,6 +40,8 @@ RANGES = {
     "pad_radius": (0.005, 2.0),
     "clearance": (0.02, 10.0),
     "tip_limit": (1.0, 60.0),
+    "rotor_diameter": (0.05, 60.0),
+    "rotor_height": (0.05, 30.0),
 }
 
 
@@ -179,7 +181,12 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument(
         "--gust", type=float, default=None, metavar="M/S", help="standard deviation; a third of the mean"
     )
-    parser.add_argument("--intruder", default="none", metavar="none|car@HEIGHT")
+    parser.add_argument(
+        "--intruder",
+        default="none",
+        metavar="none|KIND@HEIGHT,...",
+        help="what comes to the landing below a height: " + ", ".join(intruders.KINDS),
+    )
     parser.add_argument(
         "--duration", type=float, default=None, help="simulated seconds; with --autopilot real ones"
     )
@@ -233,7 +240,7 @@ def _check_rate(rate: float, lidar: str) -> None:
 
 
 def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | None]:
-    intruder = _intruder(options.intruder)
+    coming = intruders.read(options.intruder, options.seed)
     simulation = Simulation.build(
         options.scene,
         mavlink=options.mavlink or DEFAULT_MAVLINK,
@@ -250,7 +257,8 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         mavlink_key=None if options.mavlink_key is None else read_key(options.mavlink_key),
         radar_to=None if options.radar_to is None else _address(options.radar_to, "--radar-to"),
     )
-    simulation.intruder = intruder
+    simulation.intruders = coming
+    simulation.rotor = Rotor(options.rotor_diameter / 2, options.rotor_height)
     simulation.log.gear, simulation.log.tip_limit_deg = gear_options.chosen(options), options.tip_limit
     try:
         return simulation, None if options.lockstep is None else LockstepServer(options.lockstep)
@@ -286,18 +294,6 @@ def _address(text: str, option: str = "--lidar-to") -> tuple[str, int]:
     except (OSError, UnicodeError):
         raise ValueError(f"{option} {text!r}: the host is unknown") from None
     return str(found[0][4][0]), int(port)
-
-
-def _intruder(text: str) -> Intruder | None:
-    if text == "none":
-        return None
-    kind, _, height = text.partition("@")
-    try:
-        if kind == "car" and 0 < float(height) <= HIGHEST_M:
-            return Intruder(float(height))
-    except ValueError:
-        pass
-    raise ValueError(f"--intruder {text!r}: write car@HEIGHT, such as car@15, up to {HIGHEST_M:g} m")
 
 
 def _try_folder(folder: Path | None) -> None:

@@ -11,7 +11,7 @@ from sitl import scenes
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.estimator import EstimateErrors, Estimator
 from sitl.autopilot.pilot import Pilot
-from sitl.intruder import Intruder
+from sitl.intruders import Intruder
 from sitl.scenes import Scene
 from sitl.sensors import lidars
 from sitl.sensors.lidar_port import Address
@@ -20,9 +20,12 @@ from sitl.sensors.pulse_lidar import PulseLidar
 from sitl.truth.flight_log import FlightLog
 from sitl.vehicle.multirotor import Vehicle
 from sitl.vehicle.pose_track import PoseTrack
+from sitl.vehicle.rigid_body import State
+from sitl.vehicle.rotor_strike import Rotor, struck
 from sitl.wire.wire import MemoryWire, Router, Wire, open_wire
 
 TICK_NS = 2_500_000
+LOOK_NS = 10_000_000  # between two looks at what the rotors meet: 0.1 m at 10 m/s, and the way is looked at
 LATE_S = 0.02  # lag behind the pace above which only every LATE_SCANS-th scan is made
 LATE_SCANS = 5
 IN_DUST = Reach(0.1, 0.9, 0.5, 0.9), Noise(dust=0.3)
@@ -43,6 +46,10 @@ class Simulation:
         Returns the lag of a simulated time behind the pace, s. While it is high, most scans are skipped.
     skipped_ns
         Simulated time of the skipped scans.
+    intruders
+        What comes to the landing.
+    rotor
+        Disc that collides with solids.
     held_up
         Whether pilot, autopilot and vehicle pause while time and the sensors continue.
     """
@@ -94,7 +101,8 @@ class Simulation:
         self.radar = lidars.open_port("radar", streams[4], point_rate_hz, radar_to) if radar_to else None
         self._clear = self._sight()
         self.log = FlightLog(self)
-        self.intruder: Intruder | None = None
+        self.intruders: list[Intruder] = []
+        self.rotor = Rotor()
         self.pilot: Pilot | None = None
         if pilot_height_m is not None:
             wire = MemoryWire("pilot")
@@ -104,6 +112,7 @@ class Simulation:
         self._track = PoseTrack()
         self._ticks = self._scans = 0
         self._ground_m = self.vehicle.truth.pos_enu_m[2]
+        self._looked, self._looked_ns = self.vehicle.truth, 0
 
     @classmethod
     def build(
@@ -136,8 +145,8 @@ class Simulation:
         self._ticks += 1
         truth = self.vehicle.truth
         self._track.add(self.now_ns, truth.pos_enu_m, truth.quat_wxyz)
-        if self.intruder is not None:
-            self.intruder.on_tick(self)
+        for intruder in self.intruders:
+            intruder.on_tick(self)
         if self._ticks % self._lidar_ticks == 0:
             self._scan()
         if not self.held_up:
@@ -159,12 +168,21 @@ class Simulation:
         demand = self.autopilot.update(dt, self.now_ns, estimate, self.vehicle.on_ground)
         self.now_ns += self._tick_ns
         if self._ticks % 4 == 3 or truth.pos_enu_m[2] - self._ground_m < 3.0:
-            ground = self.scene.world.height_m(float(truth.pos_enu_m[0]), float(truth.pos_enu_m[1]))
+            x, y, z = (float(v) for v in truth.pos_enu_m)
+            ground = self.scene.world.height_below_m(x, y, z + self.rotor.height_m)
             self._ground_m = ground if np.isfinite(ground) else -1e6
+        if self.now_ns - self._looked_ns >= LOOK_NS:
+            self._look(truth)
         if self.autopilot.armed or not self.vehicle.on_ground:
             self.vehicle.update(dt, self.now_ns, demand, self._ground_m)
             if self.vehicle.collision is not None:
                 self.autopilot.crash()
+
+    def _look(self, truth: State) -> None:
+        """See whether the rotors met something on the way here from where it was last looked."""
+        before, self._looked, self._looked_ns = self._looked, truth, self.now_ns
+        if self.autopilot.armed and struck(self.scene.world, self.rotor, before, truth):
+            self.vehicle.strike(self.now_ns)
 
     def _send(self) -> None:
         for peer in self.router.peers():

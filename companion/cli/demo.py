@@ -38,7 +38,10 @@ def demo(
     headless: Annotated[bool, typer.Option("--headless", help="No live display.")] = False,
     out: Annotated[Path, typer.Option(help="Folder for maps and figures.")] = Path("out/demo"),
     intruder: Annotated[
-        str, typer.Option(help="car@15: a car drives onto the landing point below 15 m.")
+        str,
+        typer.Option(
+            help="car@15: a car drives onto the landing point below 15 m; jib@12: a jib swings over it."
+        ),
     ] = "none",
     point_rate: Annotated[float, typer.Option(help="LiDAR points per second.")] = 200_000.0,
     limit_s: Annotated[float, typer.Option(help="Give up after so many simulated seconds.")] = 900.0,

@@ -18,6 +18,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--pad-radius", type=float, default=0.03, help="m")
     parser.add_argument("--clearance", type=float, default=0.3, help="of the belly over the gear's plane, m")
     parser.add_argument(
+        "--rotor-diameter", type=float, default=0.9, help="m; it crashes where its disc meets something"
+    )
+    parser.add_argument(
+        "--rotor-height", type=float, default=0.3, help="of that disc over the gear's plane, m"
+    )
+    parser.add_argument(
         "--tip-limit", type=float, default=TIP_LIMIT_DEG, help="a landed vehicle must tilt no more, degrees"
     )
 

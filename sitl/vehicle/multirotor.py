@@ -137,6 +137,11 @@ class Vehicle:
             self._note(now_ns, before, standing, lifted, float(self._x[2]) - ground_z_m)
         self.on_ground = standing
 
+    def strike(self, now_ns: int) -> None:
+        """Collide here: the rotors met something."""
+        if self.collision is None:
+            self._collide(now_ns)
+
     def _note(self, now_ns: int, before: F64, standing: bool, lifted_m: float, height_m: float) -> None:
         """Distinguish flights, touchdowns and bounces."""
         self._lifted_m = self._lifted_m + lifted_m if height_m <= 0 and not standing else 0.0

@@ -192,6 +192,20 @@ class World:
         z, _ = self.surface(np.array([x], dtype=np.float64), np.array([y], dtype=np.float64))
         return float(z[0])
 
+    def height_below_m(self, x: float, y: float, z: float) -> float:
+        """Return the height of the highest surface below a point, NaN outside the world.
+
+        That is the top surface unless something hangs over the point; of the ground, a point below counts as
+        on it.
+        """
+        top = self.height_m(x, y)
+        if not top > z:
+            return top
+        down = np.array([[0.0, 0.0, -1.0]])
+        met = self.cross(np.array([[x, y, z]]), down, math.inf, np.zeros((1, 1)))
+        first = np.array([met.range_m[0], met.water_m[0], met.leaf_m[0, 0]])
+        return z - float(np.nanmin(first)) if np.isfinite(first).any() else top
+
     def surface(self, xs: F64, ys: F64) -> tuple[F64, U8]:
         """Return the exact height and material seen from straight above.
 

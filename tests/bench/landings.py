@@ -1,6 +1,8 @@
 """Landing benchmark over all scenes; a car drives onto the point in every fourth, a pilot in every tenth.
 
 python -m tests.bench.landings --flights 200 --jobs 2 --out landings.json
+python -m tests.bench.landings --flights 100 --kind wind
+python -m tests.bench.landings --flights 200 --kind hazard
 """
 
 from __future__ import annotations
@@ -21,11 +23,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.flight.landing.situation import Phase
 from sitl import scenes
 from sitl.autopilot.modes import Mode
-from sitl.intruder import Intruder
+from sitl.intruders import read
 from tests.e2e.harness import Mission
 
 HAZARD_BELOW_M = (5.0, 14.0)
-FINE = {"tick_ns": 2_500_000, "lidar_ms": 20, "point_rate_hz": 50_000}
+ANY_HEIGHT_M = (1.0, 20.0)
+JIB_BEFORE_M = 3.0
+WIND_MS = 10.0
+FINE = {"tick_ns": 5_000_000, "lidar_ms": 50, "point_rate_hz": 25_000}
 FLYING_COMMANDS = frozenset(
     {mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_DO_REPOSITION}
 )
@@ -38,20 +43,32 @@ class Plan:
 
     number: int
     scene: str
-    hazard_below_m: float | None
-    taken_over_in: Phase | None
+    hazards: str = "none"
+    taken_over_in: Phase | None = None
+    wind_ms: float = 3.0
 
 
-def plan(number: int) -> Plan:
-    """Return the flight of a number; the same number is the same flight."""
+def plan(number: int, kind: str) -> Plan:
+    """Return the flight of a number; the same number is the same flight.
+
+    Kinds: mixed has a car in every fourth and a pilot who takes over in every tenth flight; calm has neither
+    them nor wind; wind blows up to `WIND_MS`; hazard has a car in every flight, which drives onto the point,
+    and in every second a crane's jib before it, which swings over the vehicle.
+    """
     rng = np.random.default_rng(number)
     phases = (Phase.SURVEY, Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
-    return Plan(
-        number,
-        scenes.NAMES[number % len(scenes.NAMES)],
-        float(rng.uniform(*HAZARD_BELOW_M)) if number % 4 == 3 else None,
-        phases[int(rng.integers(len(phases)))] if number % 10 == 4 else None,
-    )
+    scene = scenes.NAMES[number % len(scenes.NAMES)]
+    below_m, phase = float(rng.uniform(*HAZARD_BELOW_M)), phases[int(rng.integers(len(phases)))]
+    if kind == "calm":
+        return Plan(number, scene, wind_ms=0.0)
+    if kind == "wind":
+        return Plan(number, scene, wind_ms=float(rng.uniform(0.0, WIND_MS)))
+    car = f"car@{below_m:.2f}"
+    if kind == "hazard":
+        below_m = float(rng.uniform(*ANY_HEIGHT_M))
+        car = f"car@{below_m:.2f}"
+        return Plan(number, scene, f"jib@{below_m + JIB_BEFORE_M:.2f},{car}" if number % 2 else car)
+    return Plan(number, scene, car if number % 4 == 3 else "none", phase if number % 10 == 4 else None)
 
 
 class Witness:
@@ -75,10 +92,12 @@ class Witness:
 def fly(flight: Plan) -> dict[str, Any]:
     """Fly one landing and return what came of it."""
     started = time.perf_counter()
-    mission = Mission(flight.scene, seed=flight.number, height_m=25.0, survey_s=15.0, simulated=FINE)
+    simulated = FINE | {"wind_ms": flight.wind_ms}
+    mission = Mission(
+        flight.scene, seed=flight.number, height_m=25.0, survey_s=15.0, simulated=simulated, max_wind_ms=20.0
+    )
     witness = Witness(mission)
-    if flight.hazard_below_m is not None:
-        mission.sim.intruder = Intruder(flight.hazard_below_m)
+    mission.sim.intruders = read(flight.hazards, flight.number)
 
     async def script(m: Mission) -> None:
         if flight.taken_over_in is not None:
@@ -97,7 +116,7 @@ def fly(flight: Plan) -> dict[str, Any]:
     except AssertionError as failure:
         error = str(failure).splitlines()[0][:300]
     landed = mission.sim.touchdown is not None
-    tally, intruder = mission.companion.executive.tally, mission.sim.intruder
+    tally = mission.companion.executive.tally
     return {
         **asdict(flight),
         "taken_over_in": flight.taken_over_in and flight.taken_over_in.value,
@@ -106,7 +125,9 @@ def fly(flight: Plan) -> dict[str, Any]:
         "error_m": mission.touchdown_error_m() if landed else None,
         "estimated_error_m": _estimated_error_m(mission) if landed else None,
         "aborts": tally.abort_reasons,
-        "hazard_arrived": bool(intruder and intruder.arrived),
+        "hazard_arrived": any(i.arrived for i in mission.sim.intruders),
+        "collision": mission.sim.vehicle.collision,
+        "off_wind_deg": _off_wind_deg(mission) if landed else None,
         "commands_while_pilot_flies": witness.commands,
         "simulated_s": round(mission.loop.time(), 1),
         "wall_s": round(time.perf_counter() - started, 1),
@@ -125,11 +146,22 @@ def _estimated_error_m(mission: Mission) -> float:
     return float(np.hypot(off[0], off[1]))
 
 
+def _off_wind_deg(mission: Mission) -> float:
+    """Return the angle from the heading at the touchdown to where the mean wind comes from."""
+    document = mission.sim.log.document()
+    off = document["touchdown"]["heading_deg"] - document["wind"]["from_deg"]
+    return abs(float(np.degrees(np.arctan2(np.sin(np.radians(off)), np.cos(np.radians(off))))))
+
+
 def _quantiles(values: list[float]) -> dict[str, float]:
-    return {
-        name: round(float(np.percentile(values, q)), 3)
-        for name, q in (("p50", 50), ("p95", 95), ("max", 100))
-    }
+    return (
+        {}
+        if not values
+        else {
+            name: round(float(np.percentile(values, q)), 3)
+            for name, q in (("p50", 50), ("p95", 95), ("max", 100))
+        }
+    )
 
 
 def summary(flights: list[dict[str, Any]]) -> dict[str, Any]:
@@ -139,11 +171,13 @@ def summary(flights: list[dict[str, Any]]) -> dict[str, Any]:
         "flights": len(flights),
         "landed": sum(f["landed"] for f in flights),
         "safe": sum(f["safe"] for f in flights),
+        "collisions": sum(f["collision"] is not None for f in flights),
+        "off_wind_deg": _quantiles([f["off_wind_deg"] for f in flights if f["landed"] and f["wind_ms"] > 2]),
         "error_m": _quantiles([f["error_m"] for f in flights if f["landed"]]),
         "estimated_error_m": _quantiles([f["estimated_error_m"] for f in flights if f["landed"]]),
         "hazards": len(hazards),
         "hazards_broken_off": sum(bool(f["aborts"]) for f in hazards),
-        "aborts_without_hazard": sum(len(f["aborts"]) for f in flights if f["hazard_below_m"] is None),
+        "aborts_without_hazard": sum(len(f["aborts"]) for f in flights if f["hazards"] == "none"),
         "commands_while_pilot_flies": sum(f["commands_while_pilot_flies"] for f in flights),
     }
 
@@ -152,12 +186,13 @@ def main() -> None:
     """Fly them all and print the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--flights", type=int, default=200)
+    parser.add_argument("--kind", choices=("mixed", "calm", "wind", "hazard"), default="mixed")
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("landings.json"))
     own = parser.parse_args()
-    plans = [plan(number) for number in range(own.first, own.first + own.flights)]
-    flights = []
+    plans = [plan(number, own.kind) for number in range(own.first, own.first + own.flights)]
+    flights: list[dict[str, Any]] = []
     with multiprocessing.get_context("spawn").Pool(own.jobs) as pool, own.out.open("w") as out:
         for flight in pool.imap_unordered(fly, plans):
             flights.append(flight)

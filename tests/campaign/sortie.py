@@ -11,7 +11,7 @@ import params
 from companion.flight.app import Companion
 from companion.flight.landing.situation import Phase
 from sitl import faults, scenes
-from sitl.intruder import Intruder
+from sitl.intruders import DrivenCar
 from sitl.simulation import Simulation
 from sitl.wire.wire import open_wire
 from tests.campaign import onboard
@@ -112,7 +112,7 @@ class Sortie(Mission):
         """Wait for the state, let the fault begin, end it, and see what becomes of the flight."""
         self.sim.every_tick.append(lambda _: self.witness.look())
         if self.plan.state is Phase.CLIMB:
-            self.sim.intruder = Intruder(CAR_BELOW_M)
+            self.sim.intruders.append(DrivenCar(CAR_BELOW_M))
         if not await self._until(lambda: self.told is self.plan.state, REACH_S):
             return
         if not await self._until(lambda: False, self.plan.after_s) and self.down:

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.desk.replay import replay_run as replay
 from companion.flight.landing.situation import Phase
 from sitl.autopilot.modes import Mode
-from sitl.intruder import Intruder
+from sitl.intruders import DrivenCar
 from sitl.sensors import ouster_os1, ouster_packets, vlp16
 from tests.e2e.harness import POINT_RATE_HZ, Mission
 
@@ -50,10 +50,10 @@ def test_surveys_chooses_and_lands_on_safe_ground_and_again_in_the_replay(
 
 def test_a_car_on_the_point_makes_it_land_elsewhere() -> None:
     mission = Mission(seed=4)
-    mission.sim.intruder = Intruder(9.0)
+    mission.sim.intruders.append(DrivenCar(9.0))
 
     async def script(m: Mission) -> None:
-        await m.until(lambda: m.sim.intruder is not None and m.sim.intruder.arrived)
+        await m.until(lambda: m.sim.intruders[0].arrived)
         await m.until_phase(Phase.CLIMB, 5)
         await m.until_phase(Phase.LANDED)
 

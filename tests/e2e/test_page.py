@@ -17,7 +17,7 @@ import pytest
 
 from companion.flight.dashboard.site import Site
 from companion.flight.landing.situation import Phase
-from sitl.intruder import Intruder
+from sitl.intruders import DrivenCar
 from tests.e2e.chromium import Chromium
 from tests.e2e.harness import Mission
 
@@ -108,12 +108,12 @@ def test_a_landing_confirmed_on_the_page_and_the_alarm_when_a_car_drives_in(
     browser: Chromium, tmp_path: Path
 ) -> None:
     w = watch(browser, "stadium", seed=4)
-    w.mission.sim.intruder = Intruder(9.0)
+    w.mission.sim.intruders.append(DrivenCar(9.0))
 
     async def script(m: Mission) -> None:
         await w.open()
         await w.select_and_confirm()
-        await m.until(lambda: m.sim.intruder is not None and m.sim.intruder.arrived)
+        await m.until(lambda: m.sim.intruders[0].arrived)
         await m.until_phase(Phase.CLIMB, 5)
         await w.until_seen("document.querySelector('.alarm.critical')?.textContent.includes('UNSAFE')")
         await w.see(browser.picture, tmp_path / "alarm.png")

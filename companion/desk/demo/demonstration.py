@@ -48,7 +48,8 @@ TAKEOFF_M = {"dust_out": 40.0}
 """Take-off height by scene, where it is not 30 m: above the dust."""
 START_LIMIT_S = 180.0
 SETTLE_S = 3.0
-CAR_BELOW_M = 200.0
+INTRUDERS = ("car", "jib")
+INTRUDER_BELOW_M = 200.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,16 +145,17 @@ def check(plan: DemoOptions) -> None:
         raise UsageError(
             f"--point-rate {rate:.10g}: must be a whole number that divides 10^9, such as {below} or {above}"
         )
-    if plan.intruder != "none" and not _is_car(plan.intruder):
+    if plan.intruder != "none" and not all(_is_intruder(part) for part in plan.intruder.split(",")):
         raise UsageError(
-            f"--intruder {plan.intruder!r}: write car@HEIGHT, such as car@15, up to {CAR_BELOW_M:g} m"
+            f"--intruder {plan.intruder!r}: write KIND@HEIGHT, such as car@15, up to {INTRUDER_BELOW_M:g} m; "
+            f"several by commas, each once, of {', '.join(INTRUDERS)}"
         )
 
 
-def _is_car(intruder: str) -> bool:
-    kind, _, height = intruder.partition("@")
+def _is_intruder(text: str) -> bool:
+    kind, _, height = text.partition("@")
     try:
-        return kind == "car" and 0 < float(height) <= CAR_BELOW_M
+        return kind in INTRUDERS and 0 < float(height) <= INTRUDER_BELOW_M
     except ValueError:
         return False
 
@@ -313,6 +315,7 @@ def _simulator(
         "--slope-limit", str(parameters.safe_slope_deg),
         "--relief-limit", str(parameters.relief_m),
         *gear_options(parameters),
+        *rotor_options(parameters),
     ]  # fmt: skip
     if plan.wind_from_deg is not None:
         command += ["--wind-from", str(plan.wind_from_deg)]
@@ -355,6 +358,14 @@ def gear_options(parameters: Parameters) -> list[str]:
         "--clearance", str(parameters.clearance_m),
         "--tip-limit", str(parameters.greatest_tilt_deg),
     ]  # fmt: skip
+
+
+def rotor_options(parameters: Parameters) -> list[str]:
+    """Return the simulator's options of the disc; without one its vehicle has its own propellers."""
+    if parameters.rotor_diameter_m == 0:
+        return []
+    diameter_m, height_m = parameters.rotor_diameter_m, parameters.rotor_height_m
+    return ["--rotor-diameter", str(diameter_m), "--rotor-height", str(height_m)]
 
 
 def _ready(process: subprocess.Popen[str]) -> int:

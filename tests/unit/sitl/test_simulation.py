@@ -18,7 +18,7 @@ from sitl import __main__ as program
 from sitl import scenes
 from sitl.autopilot.estimator import EstimateErrors
 from sitl.autopilot.modes import Mode
-from sitl.intruder import Intruder
+from sitl.intruders import DrivenCar, Intruder, SwungJib
 from sitl.pace import Pace
 from sitl.simulation import TICK_NS, PoseTrack, Simulation
 from sitl.truth.standing_gear import gear_of
@@ -128,10 +128,10 @@ def landing(s: Simulation, companion: Station, spot_enu_m: tuple[float, float, f
     )  # fmt: skip
 
 
-def flown_onto(spot: tuple[float, float, float], intruder: Intruder | None = None) -> Simulation:
+def flown_onto(spot: tuple[float, float, float], *coming: Intruder) -> Simulation:
     companion = Station(1, COMPANION)
     with simulation(companion, pilot_height_m=20.0, errors=EstimateErrors.none(), wind_ms=0.0) as s:
-        s.intruder = intruder
+        s.intruders = list(coming)
         s.run(22)
         s.every_tick.append(lambda s: landing(s, companion, spot) if s.now_ns % 50_000_000 == 0 else None)
         s.run(3)
@@ -177,7 +177,7 @@ def test_a_landing_is_judged_by_how_its_gear_stands() -> None:
 
 
 def test_the_intruder_drives_onto_the_landing_point_while_the_vehicle_is_low() -> None:
-    s = flown_onto((3.0, 2.0, 0.0), Intruder(15.0))
+    s = flown_onto((3.0, 2.0, 0.0), DrivenCar(15.0))
     starts, stands = s.log.events
     assert np.hypot(starts["e"] - 3, starts["n"] - 2) == pytest.approx(25, abs=0.5)
     assert np.hypot(stands["e"] - 3, stands["n"] - 2) < 0.5
@@ -186,6 +186,29 @@ def test_the_intruder_drives_onto_the_landing_point_while_the_vehicle_is_low() -
     assert at_start["u"] == pytest.approx(15, abs=1.0)
     ground = s.scene.world.height_m(stands["e"], stands["n"])
     assert ground > 1.0, "no car stands there"
+
+
+def test_a_jib_swings_over_the_vehicle_and_hurts_nobody_who_stays_below() -> None:
+    s = flown_onto((3.0, 2.0, 0.0), SwungJib(12.0))
+    starts, hangs = s.log.events
+    assert (starts["event"], hangs["event"]) == ("jib starts", "jib on the landing point")
+    assert hangs["t"] - starts["t"] == pytest.approx(np.radians(40) / 0.08, abs=0.1)
+    under_m = s.scene.world.height_m(3.0, 2.0) - 1.2
+    assert under_m == pytest.approx(17, abs=1.0)
+    assert s.vehicle.collision is None
+    assert s.touchdown is not None
+
+
+def test_a_vehicle_that_climbs_into_a_jib_crashes() -> None:
+    with simulation(pilot_height_m=20.0, errors=EstimateErrors.none(), wind_ms=0.0) as s:
+        x, y, z = s.vehicle.truth.pos_enu_m
+        s.scene.world.add_mover("jib", (Box(0, 0, 8.0, 10.0, 1.2, 1.2, name="beam"),), x, y, 0.5)
+        s.run(22)
+        assert s.vehicle.collision is not None
+        assert s.vehicle.collision["u"] - z == pytest.approx(8.0 - 0.3, abs=0.15)
+        assert not s.autopilot.armed
+        s.run(5)
+        assert s.vehicle.truth.pos_enu_m[2] == pytest.approx(z, abs=0.1)
 
 
 # ---- the LiDAR -----------------------------------------------------------------------------------------
@@ -262,7 +285,9 @@ def signals() -> Iterator[None]:
     ("--point-rate 0", "--point-rate"), ("--takeoff-alt nan", "--takeoff-alt"), ("--lidar sonar", "sonar"),
     ("--what", "--what"), ("--duration inf", "--duration"), ("--point-rate 9600", "9600"),
     ("--speedup inf", "--speedup inf: must be a number from 0 to 1000"), ("--intruder car@nan", "car@nan"),
-    ("--intruder car@1e9", "up to 200 m"), ("--intruder car@201", "car@201"), ("--takeoff-alt 1001", "1000"),
+    ("--intruder car@1e9", "up to 200 m"), ("--intruder car@9,jib", "car@9,jib"),
+    ("--intruder car@9,car@8", "each once"), ("--rotor-diameter 0", "--rotor-diameter"),
+    ("--intruder car@201", "car@201"), ("--takeoff-alt 1001", "1000"),
     ("--wind 51", "from 0 to 50"), ("--wind nan", "--wind nan"), ("--wind-from 361", "from 0 to 360"),
     ("--gust -1", "from 0 to 20"), ("--footprint inf", "--footprint inf"),
     ("--point-rate 1e12", "from 1000 to 2000000"), ("--point-rate inf", "from 1000"),
