@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.kernels.cells.cell_record import BOTTOM, EXCESS, HEIGHT, SPREAD, WEIGHT
 from slz.kernels.footprint.certainty import hazard_quarters
-from slz.kernels.footprint.rest_planes import CORNERS, keep_rests, rests_anyhow
+from slz.kernels.footprint.rest_planes import CORNERS, highest_floors, keep_rests, rests_anyhow
 from slz.terrain.discs import Site, discs_of, keep_clear_headings, upper_ground
 from slz.terrain.gear import HEADING_ERROR_DEG, HEADING_STEP_DEG, gear_of
 
@@ -92,12 +92,20 @@ def footing(
         if discs is not None:
             keep_clear_headings(discs, site, parameters, floors, steepest, clear)
     others = ~clear
+    in_the_way = None
+    if discs is not None and len(gear.contacts_m) and others.any():
+        # The search for rest planes takes most of the time: not where the highest of all would not do.
+        highest = np.empty_like(floors)
+        highest_floors(*box, gear.limits, corners, highest)
+        in_the_way = keep_clear_headings(discs, site, parameters, highest, np.zeros_like(steepest), others)
     if others.any():
         keep_rests(*box, gear.contacts_m, gear.limits, noise_m, YAW_ERROR, others, corners, floors, steepest)
-        blocked_by = "" if (clear | others).all() else GEAR
         if discs is not None and others.any():
-            in_the_way = keep_clear_headings(discs, site, parameters, floors, steepest, others)
-            blocked_by = blocked_by if in_the_way is None else in_the_way.text
+            in_the_way = keep_clear_headings(discs, site, parameters, floors, steepest, others) or in_the_way
+    if in_the_way is not None:
+        blocked_by = in_the_way.text
+    elif not (clear | others).all():
+        blocked_by = GEAR
     headings = np.flatnonzero(clear | others) * HEADING_STEP_DEG
     return Footing(tuple(headings.tolist()), unseen, blocked_by)
 

@@ -29,6 +29,7 @@ from slz.kernels.footprint.rest_pose import (
     FARTHEST_RING,
     NOWHERE,
     PARTS,
+    TOUCHES_M,
     Contacts,
     GearLimits,
     Ground,
@@ -415,6 +416,58 @@ def rests_anyhow(
                 away_m = math.sqrt(east * east + north * north) + aside_m
                 floors[place, heading, k] = a * east + b * north + plane[0] + low - tilt * away_m
     return True
+
+
+@kernel
+def _bounds_under(ground: Ground, plane: Plane, reach: int) -> tuple[float, float, bool]:
+    """Return the lowest and the highest ground over a plane within a square of cells; whether it has gaps."""
+    lower, middle, upper, wide, row, col = ground
+    low, high, tall, gaps = np.inf, -np.inf, len(lower) // wide, False
+    for r in range(row - reach, row + reach + 1):
+        for c in range(col - reach, col + reach + 1):
+            at = r * wide + c
+            if not (0 <= r < tall and 0 <= c < wide) or lower[at] == NOWHERE:
+                gaps = True
+                continue
+            level = plane[0] + plane[1] * (c - col) + plane[2] * (r - row)
+            low, high = min(low, lower[at] - level), max(high, max(upper[at], middle[at]) - level)
+    return low, high, gaps
+
+
+@kernel
+def highest_floors(
+    ground: Ground,
+    radius: int,
+    rows: int,
+    cols: int,
+    cell_m: float,
+    limits: GearLimits,
+    corners: Corners,
+    floors: Floors,
+) -> None:
+    """Write floors that are never below what `keep_rests` finds, and take no search. See there.
+
+    At the centre of gravity, which is between its contacts, the gear is at most as high over the footprint's
+    plane as the highest ground that they reach. From there it rises by what its leverage makes of the relief,
+    or by its limit.
+    """
+    lower, middle, upper, wide, row, col = ground
+    limit, under = float(limits[A_GRADIENT]), math.ceil((limits[A_BELLY] + limits[A_PAD]) / cell_m + 1)
+    level_plane = 0.0, 0.0, 0.0
+    for place in range(rows * cols):
+        here = lower, middle, upper, wide, row + place // cols, col + place % cols
+        plane = plane_of(here, radius)
+        gradient = math.sqrt(plane[1] ** 2 + plane[2] ** 2) / cell_m
+        low, high, gaps = _bounds_under(here, plane, under)
+        tilt = min((high - low) * limits[A_LEVERAGE], limit + gradient)
+        if gaps or np.isnan(gradient):
+            plane, tilt = level_plane, limit
+            _, high, _ = _bounds_under(here, plane, under + FARTHEST_RING)
+        for heading in range(corners.shape[0]):
+            for k in range(CORNERS):
+                east, north = corners[heading, 2 * k], corners[heading, 2 * k + 1]
+                rise = (plane[1] * east + plane[2] * north) / cell_m + tilt * math.sqrt(east**2 + north**2)
+                floors[place, heading, k] = plane[0] + high + rise + TOUCHES_M
 
 
 @kernel
