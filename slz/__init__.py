@@ -4,6 +4,7 @@ from slz.adaptive import Choice
 from slz.frame import LocalFrame
 from slz.grid import Box, Grid
 from slz.landing_point.corridors import Corridors
+from slz.landing_point.intrusions import Intrusion, Intrusions
 from slz.landing_point.judgement import PointState, SelectedPoint
 from slz.landing_point.local_heights import Nearby
 from slz.landing_point.obstacles import Obstacle
@@ -26,6 +27,8 @@ __all__ = [
     "Drawn",
     "DrawnTile",
     "Grid",
+    "Intrusion",
+    "Intrusions",
     "LandingPoint",
     "LocalFrame",
     "MapReport",

@@ -27,6 +27,7 @@ from companion.flight.landing.situation import COMMANDING, Severity, Situation
 from companion.flight.link.link import Link
 from companion.flight.link.wire.signing import Signing
 from companion.flight.mapping.pipeline_worker import PipelineWorker
+from companion.flight.mapping.point_watch import PointWatch
 from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.flight.mapping.survey_prior import SurveyPrior
 from companion.flight.mode_requests import ModeRequests
@@ -117,6 +118,7 @@ class Companion:
         self.executive = Executive(parameters, auto)
         self.fitness = Fitness(auto)
         self.obstacles = RecentObstacles()
+        self.watch = PointWatch()
         self._reports = ReportFeed(
             self.link, self.executive,
             lambda: (self.situations, self.recordings.recorder, self.live, self.streams, self.page),
@@ -125,7 +127,7 @@ class Companion:
         self.worker = PipelineWorker(parameters, self._reports.on_report, surveyed)
         self.worker.on_invalid.subscribe(self._reports.on_invalid)
         self.feed = ScanFeed(
-            self.link, self.history, self.worker, self.executive, self.obstacles,
+            self.link, self.history, self.worker, self.executive, self.obstacles, self.watch,
             lambda: self.assembler.scans, lambda: (self.recordings.recorder, self.live),
         )  # fmt: skip
         self.assembler = ScanAssembler(parameters, self.history, self.feed.add_lidar_scan)
@@ -141,7 +143,15 @@ class Companion:
             lambda: self.assembler.scans,
         )  # fmt: skip
         self.situations = SituationSource(
-            parameters, self.link, self.history, self.worker, self.lidar, self.radar, self.fitness, self.wind
+            parameters,
+            self.link,
+            self.history,
+            self.worker,
+            self.lidar,
+            self.radar,
+            self.fitness,
+            self.wind,
+            self.watch,
         )
         self.feed.on_scan.subscribe(self.situations.on_scan)
         self.feed.on_new_map.subscribe(self.situations.on_new_map)
@@ -166,6 +176,7 @@ class Companion:
             self, self.feed, self.situations, self._execution, Restart(LandingMemory(state)), self._path,
             lambda: None if self.page is None else self.page.board.clear_path(),
         )  # fmt: skip
+        self.watch.on_intrusion.subscribe(self.decisions.hurry)
         self.maps: TerrainMaps | None = None
         self.summary: dict[str, Any] = {}
         self.on_ready: Event[[]] = Event()

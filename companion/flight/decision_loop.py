@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Callable
 
 from companion.flight.command_execution import CommandExecution
@@ -38,6 +39,7 @@ class DecisionLoop:
         self._flight, self._feed, self._situations = flight, feed, situations
         self._execution, self._restart, self._path = execution, restart, path
         self._on_new_frame = on_new_frame
+        self._hurry = asyncio.Event()
 
     async def run(self, stop: asyncio.Event) -> None:
         """Step until stopped: the last setpoint is that of whoever stops it."""
@@ -46,7 +48,14 @@ class DecisionLoop:
         while not stop.is_set():
             self.run_once()
             next_s = max(next_s + STEP_S, loop.time())
-            await asyncio.sleep(next_s - loop.time())
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout_at(next_s):
+                    await self._hurry.wait()
+            self._hurry.clear()
+
+    def hurry(self) -> None:
+        """Take the next step now."""
+        self._hurry.set()
 
     def run_once(self) -> None:
         """Step the executive once and carry out its commands."""

@@ -11,6 +11,7 @@ from companion.flight.geometry.pose import Pose
 from companion.flight.landing.executive import Executive
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
+from companion.flight.mapping.point_watch import PointWatch
 from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.runtime.clock import now_ns
 from companion.runtime.event import Event
@@ -51,11 +52,13 @@ class ScanFeed:
         worker: PipelineWorker,
         executive: Executive,
         obstacles: RecentObstacles,
+        watch: PointWatch,
         scan_count: Callable[[], int],
         displays: Callable[[], tuple[PoseDisplay | None, ...]],
     ) -> None:
         self._link, self._history = link, history
         self._worker, self._executive, self._obstacles = worker, executive, obstacles
+        self._watch = watch
         self._scan_count, self._displays = scan_count, displays
         self.on_scan: Event[[int]] = Event()
         self.on_new_map: Event[[]] = Event()
@@ -74,6 +77,8 @@ class ScanFeed:
             if display is not None and (pose := self._history.latest(at_ns)) is not None:
                 display.pose(pose, scan.frame)
         self._obstacles.add(scan)
+        if self._executive.mapping:  # rotor dust, lower down, is no intruder
+            self._watch.add(scan, at_ns)
         self._add_scan(scan)
 
     def add_radar_scan(self, scan: Scan) -> None:
@@ -98,6 +103,7 @@ class ScanFeed:
     def _reset_map(self) -> None:
         self._map_epoch = self._history.epoch
         self._worker.reset()
+        self._watch.forget()
         self.on_new_map.emit()
 
     def _add_scan(self, scan: Scan) -> None:

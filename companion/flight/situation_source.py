@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from companion.flight.doctor.autopilot_fitness import Fitness
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.fusion.wind_estimate import WindEstimate
@@ -9,10 +11,11 @@ from companion.flight.geometry.axes import heading_rad
 from companion.flight.landing.situation import Situation
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
+from companion.flight.mapping.point_watch import PointWatch
 from companion.flight.sensors.lidar_url import Lidar
 from companion.runtime.clock import now_ns
 from params import Parameters
-from slz import Report
+from slz import Intrusion, PointState, Report, SelectedPoint
 
 # A heartbeat comes each second; without two of them nobody knows which mode the pilot has chosen.
 HEARD_NS = 2_500_000_000
@@ -45,11 +48,12 @@ class SituationSource:
         radar: Lidar | None,
         fitness: Fitness,
         wind: WindEstimate,
+        watch: PointWatch,
     ) -> None:
         self._p = parameters
         self._link, self._history, self._worker = link, history, worker
         self._lidar, self._radar, self._fitness = lidar, radar, fitness
-        self._wind = wind
+        self._wind, self._watch = wind, watch
         self.newest: Report | None = None
         self.blocked = self.blocked_above = False
         self._last_scan_ns: int | None = None
@@ -64,6 +68,7 @@ class SituationSource:
     def use_report(self, report: Report) -> None:
         """Use a new report."""
         self.newest, self._last_report_ns = report, now_ns()
+        self._watch.use_report(report)
 
     def on_new_map(self) -> None:
         """Forget the report: it was of the map before."""
@@ -78,6 +83,7 @@ class SituationSource:
         pose = self._history.latest(now)
         report = self.newest if self.report_is_fresh(now) else None
         landed = vehicle.landed
+        intrusion = self._watch.intrusion(now)
         return Situation(
             now_ns=now,
             connected=self._link.connected,
@@ -91,7 +97,7 @@ class SituationSource:
             height_above_home_m=vehicle.relative_alt_m or 0.0,
             lidar_ok=self.scans_are_fresh(now) and self.report_is_fresh(now) and not self._worker.invalid,
             report=report,
-            selected=None if report is None else report.selected,
+            selected=_intruded(None if report is None else report.selected, intrusion),
             battery_pct=vehicle.battery_pct,
             blocked=self.blocked,
             blocked_above=self.blocked_above,
@@ -110,6 +116,7 @@ class SituationSource:
             heading_rad=None if pose is None else heading_rad(pose.rotation_enu_from_frd),
             below=self._worker.below,
             wind=self._wind.at(now),
+            intrusion=intrusion,
         )
 
     def fresh_report(self) -> Report | None:
@@ -147,6 +154,13 @@ class SituationSource:
 
     def _mode_is_known(self, now: int) -> bool:
         return _is_recent(self._link.vehicle.last_heartbeat_ns, now, HEARD_NS)
+
+
+def _intruded(selected: SelectedPoint | None, intrusion: Intrusion | None) -> SelectedPoint | None:
+    """Return the selected point, unsafe with something on it that its map does not show."""
+    if selected is None or intrusion is None:
+        return selected
+    return replace(selected, state=PointState.UNSAFE)
 
 
 def _is_recent(at_ns: int | None, now: int, limit_ns: int) -> bool:

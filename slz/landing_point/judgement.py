@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.landing_point.corridors import Corridors
 from slz.landing_point.surroundings import Surroundings, cell_of, ground_m, surroundings
+from slz.landing_point.watched_ground import WatchedGround
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 from slz.terrain.footing import ANY_FOOTING, Footing
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
@@ -46,7 +47,7 @@ class SelectedPoint:
     cells within the touchdown error, in source mode that of the point's cell. surroundings: None where
     nothing is known. footing: headings at which the gear stands there, and how likely a
     hazard went unseen. surface: what the ground there is. corridors: ways in and out, None where they were
-    not judged.
+    not judged. ground: to watch between windows, None where the near map has none.
     """
 
     enu_m: NDArray[np.float64]
@@ -61,6 +62,7 @@ class SelectedPoint:
     footing: Footing = ANY_FOOTING
     surface: SurfaceHere = UNKNOWN_SURFACE
     corridors: Corridors | None = None
+    ground: WatchedGround | None = None
 
 
 def judge_point(

@@ -203,7 +203,8 @@ class LandingState:
             return s.no_map_reason
         judged = self.aim.judgement(s.selected)
         if judged is not PointState.SAFE:
-            return f"point {judged.value}" + self.water_suffix(s)
+            came = "" if s.intrusion is None else f": object of {s.intrusion.height_m:.1f} m came"
+            return f"point {judged.value}" + (came or self.water_suffix(s))
         unconfirmed = self.unconfirmed(s)
         if unconfirmed is not None:
             return f"{unconfirmed}: not confirmed"

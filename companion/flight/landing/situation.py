@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.flight.geometry.wind import Wind
-from slz import Report, SelectedPoint, SurfaceHere, SurfaceKind
+from slz import Intrusion, Report, SelectedPoint, SurfaceHere, SurfaceKind
 from slz.surface.surface_kinds import UNKNOWN_SURFACE
 
 Vector = NDArray[np.float64]
@@ -61,7 +61,7 @@ class Situation:
     sticks_us: the pilot's roll and pitch stick, None if not seen. switched: a switch of the pilot's
     transmitter moved within the last seconds. fit: the autopilot is known to be set up for a landing.
     heading_rad: of the nose, clockwise from north. below: surface of the ground under the vehicle. wind: None
-    while it is unknown.
+    while it is unknown. intrusion: what came onto the selected point since the report, or None.
     """
 
     now_ns: int
@@ -95,6 +95,7 @@ class Situation:
     below: SurfaceHere = UNKNOWN_SURFACE
     wind: Wind | None = None
     blocked_above: bool = False
+    intrusion: Intrusion | None = None
 
 
 @dataclass(frozen=True, slots=True)
