@@ -203,8 +203,7 @@ class LandingState:
             return s.no_map_reason
         judged = self.aim.judgement(s.selected)
         if judged is not PointState.SAFE:
-            came = "" if s.intrusion is None else f": object of {s.intrusion.height_m:.1f} m came"
-            return f"point {judged.value}" + (came or self.water_suffix(s))
+            return f"point {judged.value}" + self.cause_suffix(s)
         unconfirmed = self.unconfirmed(s)
         if unconfirmed is not None:
             return f"{unconfirmed}: not confirmed"
@@ -269,6 +268,11 @@ class LandingState:
         selected = s.selected
         suspected = selected is not None and selected.surface.water > self.parameters.water_suspicion
         return suspected and self.aim.is_at(selected)
+
+    def cause_suffix(self, s: Situation) -> str:
+        """Return the end of a reason against the point: what came onto it, or suspected water."""
+        came = s.intrusion
+        return self.water_suffix(s) if came is None else f": object of {came.height_m:.1f} m came"
 
     def water_suffix(self, s: Situation) -> str:
         """Return the end of a reason against the point, where water is suspected there."""

@@ -82,7 +82,7 @@ class Approach:
         if over and self._over_since_ns is None:
             self._over_since_ns = s.now_ns
         if judged is PointState.UNSAFE:
-            return state.break_off("point unsafe" + state.water_suffix(s), s)
+            return state.break_off("point unsafe" + state.cause_suffix(s), s)
         unconfirmed = state.unconfirmed(s)
         if unconfirmed is not None:
             return state.break_off(f"{unconfirmed}: not confirmed", s)
