@@ -4,11 +4,13 @@ from slz.adaptive import Choice
 from slz.frame import LocalFrame
 from slz.grid import Box, Grid
 from slz.landing_point.corridors import Corridors
-from slz.landing_point.intrusions import Intrusion, Intrusions
 from slz.landing_point.judgement import PointState, SelectedPoint
 from slz.landing_point.local_heights import Nearby
 from slz.landing_point.obstacles import Obstacle
 from slz.landing_point.surroundings import Surroundings
+from slz.moving.intrusions import Intrusion, Intrusions
+from slz.moving.moving_objects import MovingObjects
+from slz.moving.tracks import MovingObject
 from slz.pipeline import Pipeline
 from slz.report import MapReport, Report
 from slz.surface.surface_kinds import SurfaceHere, SurfaceKind
@@ -32,6 +34,8 @@ __all__ = [
     "LandingPoint",
     "LocalFrame",
     "MapReport",
+    "MovingObject",
+    "MovingObjects",
     "Nearby",
     "Obstacle",
     "Pipeline",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import logging
+import math
 from collections.abc import Coroutine
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -118,7 +119,7 @@ class Companion:
         self.executive = Executive(parameters, auto)
         self.fitness = Fitness(auto)
         self.obstacles = RecentObstacles()
-        self.watch = PointWatch()
+        self.watch = PointWatch(math.radians(parameters.angle_noise_deg))
         self._reports = ReportFeed(
             self.link, self.executive,
             lambda: (self.situations, self.recordings.recorder, self.live, self.streams, self.page),

@@ -117,6 +117,7 @@ class SituationSource:
             below=self._worker.below,
             wind=self._wind.at(now),
             intrusion=intrusion,
+            moving=self._watch.moving,
         )
 
     def fresh_report(self) -> Report | None:

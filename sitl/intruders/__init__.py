@@ -1,14 +1,17 @@
-"""Objects that come to a landing: a car onto the point, a crane's jib over the vehicle."""
+"""Objects that come to a landing: onto the point, across it, or over the vehicle."""
 
 from __future__ import annotations
 
+from sitl.intruders.crosser import Crosser, Cyclist, Dog, PassingCar, Runner, Walker
 from sitl.intruders.driven_car import DrivenCar
 from sitl.intruders.intruder import HIGHEST_M, Intruder
 from sitl.intruders.swung_jib import SwungJib
 
-__all__ = ["HIGHEST_M", "KINDS", "DrivenCar", "Intruder", "SwungJib", "read"]
+__all__ = ["HIGHEST_M", "KINDS", "Crosser", "DrivenCar", "Intruder", "SwungJib", "read"]
 
-KINDS: dict[str, type[Intruder]] = {kind.what: kind for kind in (DrivenCar, SwungJib)}
+KINDS: dict[str, type[Intruder]] = {
+    kind.what: kind for kind in (DrivenCar, SwungJib, Walker, Runner, Dog, Cyclist, PassingCar)
+}
 
 
 def read(text: str, seed: int = 1) -> list[Intruder]:

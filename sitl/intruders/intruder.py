@@ -36,6 +36,8 @@ class Intruder(abc.ABC):
     ----------
     what
         Its name in the world and in the log.
+    end
+        What the log says of where it is at its end.
     below_m
         Height over the ground below which it starts, m.
     started_ns, arrived
@@ -45,6 +47,7 @@ class Intruder(abc.ABC):
     """
 
     what: str
+    end = "on the landing point"
 
     def __init__(self, below_m: float, seed: int = 1) -> None:
         self.below_m = below_m
@@ -72,7 +75,7 @@ class Intruder(abc.ABC):
         self._next_ns = s.now_ns + STEP_NS
         self.arrived = self.move(s, (s.now_ns - self.started_ns) * 1e-9)
         if self.arrived:
-            self._write(s, f"{self.what} on the landing point")
+            self._write(s, f"{self.what} {self.end}")
 
     def _watch(self, s: SimulatedFlight) -> None:
         target, estimate = s.autopilot.landing_target_enu_m, s.autopilot.estimate

@@ -48,7 +48,7 @@ TAKEOFF_M = {"dust_out": 40.0}
 """Take-off height by scene, where it is not 30 m: above the dust."""
 START_LIMIT_S = 180.0
 SETTLE_S = 3.0
-INTRUDERS = ("car", "jib")
+INTRUDERS = ("car", "jib", "walker", "runner", "dog", "cyclist", "passing_car")
 INTRUDER_BELOW_M = 200.0
 
 

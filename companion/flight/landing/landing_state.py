@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from companion.flight.landing.aim import Aim
+from companion.flight.landing.crossing import crossing
 from companion.flight.landing.hand_over import HandOver
 from companion.flight.landing.interruptions.outage import Outage
 from companion.flight.landing.mode_ownership import ModeOwnership
@@ -207,7 +208,10 @@ class LandingState:
         unconfirmed = self.unconfirmed(s)
         if unconfirmed is not None:
             return f"{unconfirmed}: not confirmed"
-        return "way in blocked" if self._is_way_blocked(s) else None
+        if self._is_way_blocked(s):
+            return "way in blocked"
+        coming = None if self.aim.enu_m is None else crossing(s, self.aim, self.parameters)
+        return None if coming is None else f"object of {coming.height_m:.1f} m moves in"
 
     def _is_way_blocked(self, s: Situation) -> bool:
         """Return whether something stands in the way down; an urgent landing goes straight down anyway."""

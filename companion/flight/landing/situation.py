@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.flight.geometry.wind import Wind
-from slz import Intrusion, Report, SelectedPoint, SurfaceHere, SurfaceKind
+from slz import Intrusion, MovingObject, Report, SelectedPoint, SurfaceHere, SurfaceKind
 from slz.surface.surface_kinds import UNKNOWN_SURFACE
 
 Vector = NDArray[np.float64]
@@ -62,6 +62,7 @@ class Situation:
     transmitter moved within the last seconds. fit: the autopilot is known to be set up for a landing.
     heading_rad: of the nose, clockwise from north. below: surface of the ground under the vehicle. wind: None
     while it is unknown. intrusion: what came onto the selected point since the report, or None.
+    moving: what moves around the vehicle.
     """
 
     now_ns: int
@@ -96,6 +97,7 @@ class Situation:
     wind: Wind | None = None
     blocked_above: bool = False
     intrusion: Intrusion | None = None
+    moving: tuple[MovingObject, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

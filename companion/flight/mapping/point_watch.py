@@ -1,15 +1,20 @@
-"""Watch over the selected point between two windows, for the landing under way."""
+"""Watch between two windows: what comes onto the selected point, and what moves around the vehicle."""
 
 from __future__ import annotations
 
 from companion.runtime.event import Event
-from slz import Intrusion, Intrusions, Report, Scan
+from slz import Intrusion, Intrusions, MovingObject, MovingObjects, Report, Scan
 
 HELD_NS = 1_000_000_000  # after its last return; by then a window has judged the point
 
 
 class PointWatch:
-    """Compares every scan with the ground that the newest report left at the selected point.
+    """Compares every scan with the ground of the newest report.
+
+    Parameters
+    ----------
+    angle_noise_rad
+        Standard deviation of a ray's direction.
 
     Attributes
     ----------
@@ -19,8 +24,8 @@ class PointWatch:
         How often.
     """
 
-    def __init__(self) -> None:
-        self._intrusions = Intrusions()
+    def __init__(self, angle_noise_rad: float) -> None:
+        self._intrusions, self._objects = Intrusions(), MovingObjects(angle_noise_rad)
         self._report: Report | None = None
         self._found: Intrusion | None = None
         self._found_ns = 0
@@ -32,16 +37,22 @@ class PointWatch:
         before = None if self._report is None else self._report.selected
         now = report.selected
         if before is None or now is None or (before.enu_m != now.enu_m).any():
-            self.forget()
+            self._forget_point()
         self._report = report
+        self._objects.use_ground(report.nearby)
 
     def forget(self) -> None:
-        """Forget point and intruder: a new map begins, or another point is selected."""
+        """Forget everything: a new map begins."""
+        self._forget_point()
+        self._objects.forget()
+
+    def _forget_point(self) -> None:
         self._report = self._found = None
         self._intrusions.forget()
 
     def add(self, scan: Scan, now_ns: int) -> None:
         """Compare a scan."""
+        self._objects.add(scan)
         selected = None if self._report is None else self._report.selected
         found = self._intrusions.add(scan, None if selected is None else selected.ground)
         if found is None:
@@ -51,6 +62,11 @@ class PointWatch:
         if is_new:
             self.count += 1
             self.on_intrusion.emit()
+
+    @property
+    def moving(self) -> tuple[MovingObject, ...]:
+        """What moves around the vehicle."""
+        return self._objects.found
 
     def intrusion(self, now_ns: int) -> Intrusion | None:
         """Return what is on the selected point now and was not there in the newest window, or None."""

@@ -39,7 +39,7 @@ def scan(at_ns: int, *, person: bool) -> Scan:
 
 
 def test_an_intruder_is_one_event_and_is_held_until_a_window_judged_it() -> None:
-    watch, events = PointWatch(), []
+    watch, events = PointWatch(0.01), []
     watch.on_intrusion.subscribe(lambda: events.append(1))
     watch.use_report(report())
     watch.add(scan(2 * S, person=False), 2 * S)
@@ -59,7 +59,7 @@ def test_another_point_another_map_and_no_report_forget_it() -> None:
     first, other = report(), report(east_m=4.0)
     for change in (lambda w: w.use_report(other), lambda w: w.forget(),
                    lambda w: w.use_report(replace(first, selected=None))):  # fmt: skip
-        watch = PointWatch()
+        watch = PointWatch(0.01)
         watch.add(scan(2 * S, person=True), 2 * S)
         assert watch.intrusion(2 * S) is None
         watch.use_report(first)
