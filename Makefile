@@ -50,9 +50,10 @@ types: setup
 docs: setup
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
-# By files, the long flights first: what they share is made once, and no long one is left for the end.
+# By files, the long flights first: what they share is made once, and no long one is left for the end. Three
+# workers on two cores: tests that talk to real processes mostly wait.
 unit: setup
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -m "not bench and not browser"
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m "not bench and not browser"
 
 # Inputs in all harnesses together; what fails is kept in out/fuzz (docs/fuzzing.md).
 INPUTS ?= 1000000

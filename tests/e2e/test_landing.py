@@ -33,7 +33,7 @@ def test_surveys_chooses_and_lands_on_safe_ground_and_again_in_the_replay(
     metadata.write_text(ouster_packets.metadata(ouster_os1.ELEVATION_DEG, ouster_os1.COLUMNS))
     here = {"lidar": lidar, "metadata": metadata, "record": recording}
     rate = {"point_rate_hz": RATE_HZ.get(lidar, POINT_RATE_HZ)}
-    mission = Mission(scene, seed=seed, simulated=rate, **here)
+    mission = Mission(scene, seed=seed, height_m=13.0, survey_s=5.0, simulated=rate, **here)
 
     async def script(m: Mission) -> None:
         await m.until_phase(Phase.LANDED)

@@ -29,7 +29,7 @@ from companion.flight.landing.wind.into_wind import IntoWind
 from companion.flight.landing.wind.wind_limit import WindLimit
 from companion.flight.landing.zone_choice import must_be_confirmed, soonest
 from params import Parameters
-from slz import Corridors, PointState, Zone
+from slz import Corridors, MovingObject, PointState, Zone
 
 SECOND = 1_000_000_000
 STUCK_NS = 60 * SECOND  # beyond twice the travel time of a phase
@@ -210,8 +210,14 @@ class LandingState:
             return f"{unconfirmed}: not confirmed"
         if self._is_way_blocked(s):
             return "way in blocked"
-        coming = None if self.aim.enu_m is None else crossing(s, self.aim, self.parameters)
+        coming = self.coming(s)
         return None if coming is None else f"object of {coming.height_m:.1f} m moves in"
+
+    def coming(self, s: Situation) -> MovingObject | None:
+        """Return what will be at the point at the touchdown, if the point is safe now; None without it."""
+        if self.aim.judgement(s.selected) is not PointState.SAFE:
+            return None
+        return crossing(s, self.aim, self.parameters)
 
     def _is_way_blocked(self, s: Situation) -> bool:
         """Return whether something stands in the way down; an urgent landing goes straight down anyway."""

@@ -20,6 +20,7 @@ from slz import (
     LandingPoint,
     LocalFrame,
     MapReport,
+    MovingObject,
     PointState,
     Report,
     SelectedPoint,
@@ -108,6 +109,7 @@ class Flight:
         self.turns = True
         self.below = UNKNOWN_SURFACE
         self.wind: Wind | None = None
+        self.moving: Callable[[Flight], tuple[MovingObject, ...]] = lambda _flight: ()
         self.surface: Callable[[np.ndarray], SurfaceHere] = self.surface_of_zone
 
     @property
@@ -157,6 +159,7 @@ class Flight:
             below=self.below,
             wind=self.wind,
             blocked_above=self.blocked_above(self),
+            moving=self.moving(self),
         )
 
     def surface_of_zone(self, point: np.ndarray) -> SurfaceHere:

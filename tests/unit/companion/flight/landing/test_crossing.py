@@ -1,0 +1,59 @@
+"""What moves towards the point shortly before the touchdown."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slz import MovingObject
+from tests.unit.companion.flight.landing.flight import Flight, Phase, zone
+
+PERSON = {"radius_m": 0.3, "height_m": 1.7}
+CAR = {"radius_m": 2.2, "height_m": 1.5}
+
+
+def crosser(
+    flight: Flight, at_s: float, beside_m: float = 0.0, speed_ms: float = 1.5, **size: float
+) -> MovingObject:
+    """Return an object that passes the zone's point at a time, so far beside it."""
+    size = size or PERSON
+    start = np.array([5.0 + beside_m, 5.0 - speed_ms * (at_s - flight.time_s)])
+    return MovingObject(
+        1, flight.now_ns, start, np.array([0.0, speed_ms]), size["radius_m"], size["height_m"]
+    )
+
+
+def landing(passes_s: float, beside_m: float = 0.0, below_m: float = 4.0, **size: float) -> Flight:
+    """Return a landing in which something passes some seconds after the vehicle came below a height."""
+    flight = Flight([zone(1, 5, 5)], height=20.0)
+    flight.fly_to(Phase.FINAL).until(lambda f: f.position[2] < below_m)
+    at_s = flight.time_s + passes_s
+    flight.moving = lambda f: (crosser(f, at_s, beside_m, **size),)
+    return flight
+
+
+def test_who_will_be_at_the_point_breaks_the_landing_off_and_the_point_is_tried_again() -> None:
+    flight = landing(4.0).fly_to(Phase.CLIMB)
+    assert flight.executive.tally.abort_reasons == ["object of 1.7 m moves in"]
+    flight.moving = lambda _: ()
+    flight.fly_to(Phase.LANDED)
+    assert np.hypot(*(flight.position[:2] - 5.0)) < 1
+
+
+@pytest.mark.parametrize(("passes_s", "beside_m"), [(-4.0, 0.0), (25.0, 0.0), (4.0, 4.0)])
+def test_who_passes_before_after_or_beside_does_not(passes_s: float, beside_m: float) -> None:
+    assert landing(passes_s, beside_m).fly_to(Phase.LANDED).executive.tally.aborts == 0
+
+
+@pytest.mark.parametrize(("beside_m", "size", "aborts"), [(2.5, PERSON, 1), (4.1, CAR, 0), (3.7, CAR, 1)])
+def test_people_keep_a_larger_berth_than_cars(beside_m: float, size: dict[str, float], aborts: int) -> None:
+    """1.5 m to the middle of a person, 0.7 m to a car; the footprint has 1 m."""
+    flight = landing(4.0, beside_m, **size)
+    flight.until(lambda f: f.executive.phase in (Phase.CLIMB, Phase.LANDED))
+    assert flight.executive.tally.aborts == aborts
+
+
+def test_high_over_the_point_it_is_waited_and_below_commit_height_it_lands() -> None:
+    high = landing(4.0, below_m=9.0).run(1.0)
+    assert high.executive.tally.aborts == 0
+    assert landing(1.5, below_m=1.4).fly_to(Phase.LANDED).executive.tally.aborts == 0
