@@ -15,6 +15,7 @@ from companion.flight.geometry.wind import Wind
 from companion.flight.landing.situation import COMMANDING, Emergency
 from companion.flight.landing.ways.approach_path import ApproachPath
 from companion.flight.link.vehicle_state import VehicleState
+from slz import MovingObject
 
 LATENCIES = 300
 
@@ -48,6 +49,7 @@ def state(flight: FlightView) -> dict[str, Any]:
         "unfit": list(flight.fitness.texts),
         **_motion(pose),
         "wind": _wind(s.wind),
+        "moving": [_moving(one, s.now_ns) for one in s.moving],
         "emergency": _emergency(executive.emergency(s)),
         **_ways(*executive.ways(s)),
         "height_m": _finite(flight.streams.height_m, 1),
@@ -83,6 +85,7 @@ def replayed(history: PoseHistory, vehicle: VehicleState, at_ns: int) -> dict[st
         "unfit": [],
         **_motion(pose),
         "wind": None,
+        "moving": [],
         "emergency": None,
         **_ways(None, None),
         "height_m": None,
@@ -121,6 +124,17 @@ def _wind(wind: Wind | None) -> dict[str, Any] | None:
         "speed_ms": round(wind.speed_ms, 1),
         "gust_ms": round(wind.gust_ms, 1),
         "source": wind.source,
+    }
+
+
+def _moving(one: MovingObject, now_ns: int) -> dict[str, Any]:
+    """Return where something is that moves, its velocity and its size."""
+    return {
+        "number": one.number,
+        "enu_m": _rounded(one.at(now_ns)),
+        "velocity_ms": _rounded(one.velocity_ms),
+        "radius_m": round(one.radius_m, 1),
+        "height_m": round(one.height_m, 1),
     }
 
 

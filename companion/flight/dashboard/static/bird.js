@@ -2,6 +2,7 @@
 
 import { amount, fitCanvas } from "./dom.js";
 import { rampColour } from "./paint.js";
+import { ahead, MOVING, movingWords, radiusOf } from "./moving.js";
 import { drawArrow, drawRose, roseRadius, windWords, WIND } from "./rose.js";
 import { holds, pathOf, patternsOf, STATE_STYLE, STYLE, styleOf, SURE_WORDS, surfaceWords } from "./zones.js";
 
@@ -172,6 +173,7 @@ export class BirdView {
     this._path(pen);
     this._way(pen, pose);
     this._selected(pen);
+    this._moving(pen);
     this._cursor(pen);
     if (pose) this._vehicle(pen, pose);
     this._names(pen);
@@ -299,6 +301,30 @@ export class BirdView {
       pen.fillStyle = i ? "#c3ccd4" : colour;
       pen.fillText(line, x, y - high + (i + 1) * 14 * r + 1 * r);
     });
+  }
+
+  /** What moves, with the way it goes in two seconds. */
+  _moving(pen) {
+    const r = this._ratio;
+    for (const one of this.model.state?.moving ?? []) {
+      const [[x, y], [tx, ty]] = [this.place(...one.enu_m), this.place(...ahead(one))];
+      const angle = Math.atan2(ty - y, tx - x);
+      const [size, head] = [Math.max(7 * r, radiusOf(one) * this._k), 9 * r];
+      for (const [colour, width] of [[MOVING.halo, 5 * r], [MOVING.line, 2.4 * r]]) {
+        pen.strokeStyle = colour;
+        pen.lineWidth = width;
+        pen.beginPath();
+        pen.arc(x, y, size, 0, 2 * Math.PI);
+        pen.moveTo(x, y);
+        pen.lineTo(tx, ty);
+        for (const side of [-2.6, 2.6]) {
+          pen.moveTo(tx, ty);
+          pen.lineTo(tx + head * Math.cos(angle + side), ty + head * Math.sin(angle + side));
+        }
+        pen.stroke();
+      }
+      this._tag(pen, x, y + size + 14 * r, movingWords(one), MOVING.line);
+    }
   }
 
   _obstacles(pen) {

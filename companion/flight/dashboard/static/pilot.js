@@ -3,6 +3,7 @@
 import { fitCanvas } from "./dom.js";
 import { add, drawsInSoftware, looking, multiply, perspective, program, project } from "./gl.js";
 import { Terrain } from "./terrain.js";
+import { ahead, MOVING, movingWords, radiusOf } from "./moving.js";
 import { drawArrow, petals, reach, STEP_DEG, WAYS, WIND, windWords } from "./rose.js";
 import { STATE_STYLE, styleOf, surfaceWords } from "./zones.js";
 
@@ -171,6 +172,7 @@ export class PilotView {
     const { gl } = this;
     this._zoneLines();
     this._rose();
+    this._moving();
     this._windArrow();
     this._posts();
     this._flown();
@@ -266,6 +268,28 @@ export class PilotView {
         this._line(at(side, inner, 0), at(side, far, rise), [r, g, b, 1]);
       }
     }
+  }
+
+  /** What moves, as a cage of its size, and a bar to where it will be in two seconds. */
+  _moving() {
+    const up = this._level();
+    const tint = colour(MOVING.line);
+    for (const one of this.model.state?.moving ?? []) {
+      const [[e, n], half] = [one.enu_m, radiusOf(one)];
+      const ring = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => [e + i * half, n + j * half]);
+      ring.forEach((corner, i) => {
+        const next = ring[(i + 1) % 4];
+        for (const z of [up + 0.1, up + one.height_m]) this._bar([...corner, z], [...next, z], 0.06, tint);
+        this._bar([...corner, up], [...corner, up + one.height_m], 0.06, tint);
+      });
+      this._bar([e, n, up + 0.3], [...ahead(one), up + 0.3], 0.1, tint);
+    }
+  }
+
+  /** Height of the ground at the landing point; 0 without one. */
+  _level() {
+    const point = this.model.selected();
+    return point?.height_m ?? point?.enu_m[2] ?? 0;
   }
 
   /** The wind as an arrow beside the landing point, towards where it blows. */
@@ -365,6 +389,9 @@ export class PilotView {
     if (point) {
       const style = STATE_STYLE[point.state];
       label([point.enu_m[0], point.enu_m[1], (point.height_m ?? 0) + 4.6], `${style.mark} ${style.word}`, style.line);
+    }
+    for (const one of this.model.state?.moving ?? []) {
+      label([...one.enu_m, this._level() + one.height_m + 0.8], movingWords(one), MOVING.line);
     }
     const wind = this.model.state?.wind;
     if (point && wind) {

@@ -1,7 +1,8 @@
-"""The wind in the document of the page's state."""
+"""Wind and moving objects in the document of the page's state."""
 
 import math
 
+import numpy as np
 import pytest
 
 import params
@@ -9,6 +10,8 @@ from companion.flight.app import Companion
 from companion.flight.dashboard import state_document
 from companion.flight.fusion.wind_estimate import WindEstimate
 from companion.flight.geometry.wind import Wind
+from companion.flight.mapping.point_watch import PointWatch
+from slz import MovingObject
 from tests.integration.link_bench import on_simulated_clock
 
 
@@ -25,3 +28,19 @@ async def test_the_wind_is_shown_by_where_it_comes_from_and_unknown_is_none(
     finally:
         companion.worker.close()
     assert shown == {"from_deg": 0, "speed_ms": 6.0, "gust_ms": 9.3, "source": "tilt"}
+
+
+@on_simulated_clock
+async def test_what_moves_is_shown_where_it_is_now(monkeypatch: pytest.MonkeyPatch) -> None:
+    companion = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
+    try:
+        assert state_document.state(companion)["moving"] == []
+        half_a_second_ago = companion.situation().now_ns - 500_000_000
+        walker = MovingObject(7, half_a_second_ago, np.array([4.0, 1.0]), np.array([-2.0, 0.0]), 0.31, 1.74)
+        monkeypatch.setattr(PointWatch, "moving", (walker,))
+        (shown,) = state_document.state(companion)["moving"]
+    finally:
+        companion.worker.close()
+    assert shown == {
+        "number": 7, "enu_m": [3.0, 1.0], "velocity_ms": [-2.0, 0.0], "radius_m": 0.3, "height_m": 1.7,
+    }  # fmt: skip
