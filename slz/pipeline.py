@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from typing import Literal
 
@@ -255,13 +254,7 @@ class Pipeline:
         p = self._parameters
         if p.mode == "source":  # its windows of a second are the source's
             return None
-        return watched_ground(
-            enu_m,
-            near.terrain,
-            radius_m=p.footprint_m / 2 + p.touchdown_error_m,
-            least_m=p.relief_m,
-            angle_noise_rad=math.radians(p.angle_noise_deg),
-        )
+        return watched_ground(enu_m, near.terrain, p)
 
 
 def _method(

@@ -51,6 +51,7 @@ class DecisionLoop:
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout_at(next_s):
                     await self._hurry.wait()
+                    next_s = loop.time()  # the next step but one is due a whole step later
             self._hurry.clear()
 
     def hurry(self) -> None:

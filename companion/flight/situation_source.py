@@ -117,7 +117,7 @@ class SituationSource:
             below=self._worker.below,
             wind=self._wind.at(now),
             intrusion=intrusion,
-            moving=self._watch.moving,
+            moving=self._watch.moving(now),
         )
 
     def fresh_report(self) -> Report | None:

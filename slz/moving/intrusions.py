@@ -6,20 +6,22 @@ point in that time. Every scan is therefore compared with the ground that the la
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from slz.frame import LocalFrame, is_known
 from slz.landing_point.watched_ground import WatchedGround
-from slz.points.outliers import FLIGHT_GROUP, in_cluster
+from slz.moving.common_shift import common_shift_m
+from slz.points.outliers import FLIGHT_GROUP, OBJECT_M2
 from slz.window import Scan
 
 KEPT_NS = 300_000_000  # returns that count together
 SIGMAS = 4.0  # of a height at the end of a ray, that noise explains
-FEWEST_GROUND = 30  # returns around the point that tell a shift of all heights
 MOST_TOGETHER = 2000  # returns among which groups are sought; more are thinned
 
 Points = NDArray[np.float64]
@@ -39,20 +41,33 @@ class Intrusion:
     last_ns: int
 
 
+@dataclass(frozen=True, slots=True)
+class _Raised:
+    """Returns of intruders in a scan, their heights over ground and ranges (m); its rays, its last stamp."""
+
+    points: Points
+    over_m: Points
+    range_m: Points
+    stamp_ns: NDArray[np.int64]
+    n_rays: int
+    last_ns: int
+
+
 class Intrusions:
     """Watch over the selected point.
 
-    A return is one of an intruder if it is higher over the map's ground or objects, within the radius of
-    `WatchedGround`, than an obstacle's least height and noise explain. The navigation's height may have
-    shifted since the window: the median of the returns around the point is taken off, in which something that
-    covers less than half of the ground does not show. Five within 0.6 m and 0.3 s are an intruder, as many as
-    make a group of an outlier (`slz.points.outliers`); rain, dust and multipath return single pulses.
+    A return is one of an intruder if it is higher over the map's ground or objects than an obstacle's least
+    height and noise explain, within footprint and touchdown error of the point; within rotor and tail, if it
+    reaches up to these. The navigation's height may have shifted since the window: the median over the even
+    cells around what is watched is taken off, each told by its lowest return. Five within 0.6 m and 0.3 s are
+    an intruder, as many as make a group of an outlier; near the sensor, where rain, dust and snow are dense,
+    as many as an object of `OBJECT_M2` would return (`slz.points.outliers`).
     """
 
     def __init__(self) -> None:
         self._frame: LocalFrame | None = None
-        self._enu_m: Points | None = None
-        self._kept: deque[tuple[Points, NDArray[np.int64]]] = deque()  # with the height over ground as 4th
+        self._place_m: Points | None = None
+        self._kept: deque[_Raised] = deque()
 
     def forget(self) -> None:
         """Drop all returns: a new map begins."""
@@ -63,48 +78,49 @@ class Intrusions:
         if ground is None or not len(scan):
             self.forget()
             return None
-        if scan.frame != self._frame or self._enu_m is None or (self._enu_m != ground.enu_m).any():
+        place_m = ground.enu_m[:2]
+        if scan.frame != self._frame or self._place_m is None or (self._place_m != place_m).any():
             self.forget()
-        self._frame, self._enu_m = scan.frame, ground.enu_m
-        new = _intruders(scan, ground)
-        if new is not None:
-            self._kept.append(new)
+        self._frame, self._place_m = scan.frame, place_m
+        self._kept.append(_raised(scan, ground))
         newest_ns = int(scan.stamp_ns[-1])
-        while self._kept and not 0 <= newest_ns - int(self._kept[0][1][0]) <= KEPT_NS:
+        while not 0 <= newest_ns - self._kept[0].last_ns <= KEPT_NS:
             self._kept.popleft()
         return self._grouped()
 
     def _grouped(self) -> Intrusion | None:
-        if sum(len(stamps) for _, stamps in self._kept) < FLIGHT_GROUP[1]:
+        if sum(len(kept.stamp_ns) for kept in self._kept) < FLIGHT_GROUP[1]:
             return None
-        points, stamps = (np.concatenate(parts) for parts in zip(*self._kept, strict=True))
+        points = np.concatenate([kept.points for kept in self._kept])
+        over, range_m = (np.concatenate([getattr(k, n) for k in self._kept]) for n in ("over_m", "range_m"))
+        stamps = np.concatenate([kept.stamp_ns for kept in self._kept])
         every = -(-len(stamps) // MOST_TOGETHER)
-        points, stamps = points[::every], stamps[::every]
-        together = in_cluster(np.ascontiguousarray(points[:, :3]), *FLIGHT_GROUP)
+        points, over, range_m, stamps = points[::every], over[::every], range_m[::every], stamps[::every]
+        rays = sum(kept.n_rays for kept in self._kept) / every
+        needed = np.maximum(FLIGHT_GROUP[1], rays * OBJECT_M2 / (4 * math.pi * np.maximum(range_m, 0.1) ** 2))
+        around = cKDTree(points).query_ball_point(points, FLIGHT_GROUP[0], return_length=True)
+        together = around >= needed
         if not together.any():
             return None
-        points, stamps = points[together], stamps[together]
-        top = int(points[:, 3].argmax())
-        return Intrusion(float(points[top, 3]), points[top, :3].copy(), int(stamps.min()), int(stamps.max()))
+        points, over, stamps = points[together], over[together], stamps[together]
+        top = int(over.argmax())
+        return Intrusion(float(over[top]), points[top].copy(), int(stamps.min()), int(stamps.max()))
 
 
-def _intruders(scan: Scan, ground: WatchedGround) -> tuple[Points, NDArray[np.int64]] | None:
-    """Return the returns of intruders (n, 4), with their height over the ground, and their stamps."""
-    way = scan.points_enu_m[:, :2] - ground.enu_m[:2]
-    away2 = np.einsum("ij,ij->i", way, way)
-    reach_m = ground.top_m.shape[0] * ground.cell_m / 2
-    near = np.flatnonzero(away2 < reach_m**2)
-    if not len(near):
-        return None
-    points = scan.points_enu_m[near]
-    over = ground.over_m(points)
-    known = np.isfinite(over)
-    shift_m = float(np.median(over[known])) if np.count_nonzero(known) >= FEWEST_GROUND else 0.0
-    range_m = np.zeros(len(points))
+def _raised(scan: Scan, ground: WatchedGround) -> _Raised:
+    """Return the returns of intruders in a scan."""
+    over_ground, cell = ground.cells_under(scan.points_enu_m)
+    points = scan.points_enu_m[over_ground]
+    over = points[:, 2] - ground.top_m.ravel()[cell]
+    away = np.hypot(points[:, 0] - ground.enu_m[0], points[:, 1] - ground.enu_m[1])
+    votes = ground.even.ravel()[cell] & (away > ground.radius_m)
+    over = over - common_shift_m(over[votes], cell[votes])
+    aside_m, range_m = np.zeros(len(points)), np.full(len(points), np.inf)
     if is_known(scan.sensor_enu_m):
-        range_m = np.hypot(*(points[:, :2] - scan.sensor_enu_m[:2]).T)
-    high = over - shift_m > ground.least_m + SIGMAS * ground.angle_noise_rad * range_m  # False for NaN
-    which = high & (away2[near] < ground.radius_m**2)
-    if not which.any():
-        return None
-    return np.column_stack([points[which], over[which] - shift_m]), scan.stamp_ns[near[which]]
+        way = points - scan.sensor_enu_m
+        aside_m, range_m = np.hypot(way[:, 0], way[:, 1]), np.linalg.norm(way, axis=1)
+    noise_m = SIGMAS * ground.angle_noise_rad * aside_m
+    which = (away < ground.footprint_m) & (over > ground.least_m + noise_m)  # False for NaN
+    which |= (away < ground.radius_m) & (over > ground.disc_least_m + noise_m)
+    stamps = scan.stamp_ns[over_ground[which]]
+    return _Raised(points[which], over[which], range_m[which], stamps, len(scan), int(scan.stamp_ns[-1]))

@@ -43,6 +43,8 @@ class MovingObjects:
     def use_ground(self, nearby: Nearby | None) -> None:
         """Compare scans with the ground of a report from now on, None for none."""
         self._ground = None if nearby is None else Ground.of(nearby)
+        if nearby is None:
+            self.found = ()
 
     def forget(self) -> None:
         """Forget ground and tracks: a new map begins."""

@@ -29,10 +29,11 @@ from companion.flight.landing.wind.into_wind import IntoWind
 from companion.flight.landing.wind.wind_limit import WindLimit
 from companion.flight.landing.zone_choice import must_be_confirmed, soonest
 from params import Parameters
-from slz import Corridors, MovingObject, PointState, Zone
+from slz import Corridors, PointState, Zone
 
 SECOND = 1_000_000_000
 STUCK_NS = 60 * SECOND  # beyond twice the travel time of a phase
+MOST_GIVEN = 3  # landings on a point that are broken off for what moves there
 WIND_AGAIN_NS = 30 * SECOND
 LANDING_MS = 0.5  # lowest sink rate of autopilots at the end of a landing
 
@@ -58,6 +59,8 @@ class LandingState:
         How long the battery lasts.
     keeps_request
         The last landing was broken off for a reason that is not its point's: it is tried again.
+    n_given
+        How often the landing gave way to what moves.
     safe_since_ns
         In the approach: since then the vehicle has been over the point, which is safe.
     level_since_ns
@@ -79,6 +82,7 @@ class LandingState:
         self.endurance = Endurance()
         self.path: ApproachPath | None = None
         self.keeps_request = False
+        self.n_given = 0
         self.request: LandingRequest | None = None
         self.refused: list[Vector] = []
         self.safe_since_ns: int | None = None
@@ -126,7 +130,7 @@ class LandingState:
         """Begin a requested landing."""
         self.request, self.started_ns = request, s.now_ns
         self.refused.clear()
-        self.keeps_request = False
+        self.keeps_request, self.n_given = False, 0
         self.start_survey(s)
 
     def start_survey(self, s: Situation) -> None:
@@ -208,16 +212,21 @@ class LandingState:
         unconfirmed = self.unconfirmed(s)
         if unconfirmed is not None:
             return f"{unconfirmed}: not confirmed"
-        if self._is_way_blocked(s):
-            return "way in blocked"
-        coming = self.coming(s)
-        return None if coming is None else f"object of {coming.height_m:.1f} m moves in"
+        return "way in blocked" if self._is_way_blocked(s) else None
 
-    def coming(self, s: Situation) -> MovingObject | None:
-        """Return what will be at the point at the touchdown, if the point is safe now; None without it."""
-        if self.aim.judgement(s.selected) is not PointState.SAFE:
+    def give_way(self, s: Situation) -> VehicleCommands | None:
+        """Break the landing off for what will be at the point at the touchdown; None without it.
+
+        The same point is tried again, after `MOST_GIVEN` times another one. An urgent landing and one with a
+        low battery give way once.
+        """
+        coming = crossing(s, self.aim, self.parameters)
+        cannot_wait = self.is_urgent or self.is_battery_low(s)
+        if coming is None or (cannot_wait and self.n_given):
             return None
-        return crossing(s, self.aim, self.parameters)
+        self.n_given += 1
+        keeps_point = self.n_given % MOST_GIVEN != 0
+        return self.break_off(f"object of {coming.height_m:.1f} m moves in", s, keeps_point=keeps_point)
 
     def _is_way_blocked(self, s: Situation) -> bool:
         """Return whether something stands in the way down; an urgent landing goes straight down anyway."""

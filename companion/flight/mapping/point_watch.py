@@ -5,6 +5,7 @@ from __future__ import annotations
 from companion.runtime.event import Event
 from slz import Intrusion, Intrusions, MovingObject, MovingObjects, Report, Scan
 
+MOVED_NS = 600_000_000  # after its last scan, in which something that moves is still believed
 HELD_NS = 1_000_000_000  # after its last return; by then a window has judged the point
 
 
@@ -36,7 +37,7 @@ class PointWatch:
         """Watch the point of a report from now on."""
         before = None if self._report is None else self._report.selected
         now = report.selected
-        if before is None or now is None or (before.enu_m != now.enu_m).any():
+        if before is None or now is None or (before.enu_m[:2] != now.enu_m[:2]).any():
             self._forget_point()
         self._report = report
         self._objects.use_ground(report.nearby)
@@ -63,10 +64,9 @@ class PointWatch:
             self.count += 1
             self.on_intrusion.emit()
 
-    @property
-    def moving(self) -> tuple[MovingObject, ...]:
-        """What moves around the vehicle."""
-        return self._objects.found
+    def moving(self, now_ns: int) -> tuple[MovingObject, ...]:
+        """Return what moves around the vehicle now."""
+        return tuple(one for one in self._objects.found if now_ns - one.stamp_ns < MOVED_NS)
 
     def intrusion(self, now_ns: int) -> Intrusion | None:
         """Return what is on the selected point now and was not there in the newest window, or None."""

@@ -57,7 +57,10 @@ class Descent:
         state, p = self._state, self._state.parameters
         reason = state.why_not(s) or ("point not reached" if s.now_ns > state.late_ns else None)
         if reason:
-            return state.break_off(reason, s, keeps_point=state.coming(s) is not None)
+            return state.break_off(reason, s)
+        given_way = state.give_way(s)
+        if given_way is not None:
+            return given_way
         if state.path is not None:
             return self._on_path(state.path, s)
         left_m, away_m, target = state.aim.height_left_m, state.aim.away_m, state.aim.on_ground_enu_m
@@ -112,7 +115,10 @@ class Descent:
             turned = reason is None and not unseen and not stands_at(s.selected, s.heading_rad)
             reason = reason or ("heading unsafe" if turned else "does not land" if late else None)
             if reason:
-                return state.break_off(reason, s, keeps_point=state.coming(s) is not None)
+                return state.break_off(reason, s)
+            given_way = None if unseen else state.give_way(s)
+            if given_way is not None:
+                return given_way
         elif late:
             state.call("not landing", s)
         target = state.aim.on_ground_enu_m

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -104,11 +106,11 @@ def test_specks_all_over_are_no_object(ground: WatchedGround) -> None:
         assert seen(ground, scan(with_ground(specks, seed=number))) is None
 
 
-@pytest.mark.parametrize(("away_m", "told"), [(1.2, True), (1.9, False)])
+@pytest.mark.parametrize(("away_m", "told"), [(1.6, True), (2.2, False)])
 def test_what_stays_aside_of_the_footprint_does_not_count(
     ground: WatchedGround, away_m: float, told: bool
 ) -> None:
-    assert ground.radius_m == pytest.approx(1.5)
+    assert ground.radius_m == pytest.approx(math.sqrt(2) + 0.5)
     assert (seen(ground, scan(with_ground(thing(20, 1.0, east_m=away_m)))) is not None) is told
 
 

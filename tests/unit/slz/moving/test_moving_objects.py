@@ -77,7 +77,7 @@ def followed(all_scans: Iterator[Scan], known: Nearby | None = None) -> list[tup
 @pytest.mark.parametrize("velocity_ms", [(1.4, 0.0), (-2.0, 3.0), (0.0, -8.0), (0.9, 0.0)])
 def test_what_crosses_is_found_with_its_place_and_velocity(velocity_ms: tuple[float, float]) -> None:
     way = straight((3.0, 6.0), velocity_ms)
-    found = followed(scans(way))
+    found = followed(scans(way, count=12))
     first = next(n for n, objects in enumerate(found) if objects)
     speed = math.hypot(*velocity_ms)
     assert first * 0.05 <= 0.6 + 1.0 / speed  # it must have gone a way that tells

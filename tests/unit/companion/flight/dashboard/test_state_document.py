@@ -37,7 +37,7 @@ async def test_what_moves_is_shown_where_it_is_now(monkeypatch: pytest.MonkeyPat
         assert state_document.state(companion)["moving"] == []
         half_a_second_ago = companion.situation().now_ns - 500_000_000
         walker = MovingObject(7, half_a_second_ago, np.array([4.0, 1.0]), np.array([-2.0, 0.0]), 0.31, 1.74)
-        monkeypatch.setattr(PointWatch, "moving", (walker,))
+        monkeypatch.setattr(PointWatch, "moving", lambda _self, _now_ns: (walker,))
         (shown,) = state_document.state(companion)["moving"]
     finally:
         companion.worker.close()
