@@ -206,6 +206,22 @@ class World:
         first = np.array([met.range_m[0], met.water_m[0], met.leaf_m[0, 0]])
         return z - float(np.nanmin(first)) if np.isfinite(first).any() else top
 
+    def highest_about_m(self, x: float, y: float, radius_m: float) -> float:
+        """Return a height that nothing solid within a distance exceeds; -inf outside the world."""
+        (cell_m, _, _), _, any_top, _, _ = self._grid_table
+        x0, y0, _ = self._ground_table[2]
+        rows, cols = (
+            slice(
+                max(0, math.floor((m - radius_m - m0) / cell_m)),
+                max(0, math.floor((m + radius_m - m0) / cell_m) + 1),
+            )
+            for m, m0 in ((y, y0), (x, x0))
+        )
+        part, spheres = any_top[rows, cols], self._mover_table[3]
+        near = np.hypot(spheres[:, 0] - x, spheres[:, 1] - y) <= radius_m + spheres[:, 3]
+        tops = spheres[near, 2] + spheres[near, 3]
+        return max(float(part.max(initial=-math.inf)), float(tops.max(initial=-math.inf)))
+
     def surface(self, xs: F64, ys: F64) -> tuple[F64, U8]:
         """Return the exact height and material seen from straight above.
 

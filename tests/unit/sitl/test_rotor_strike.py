@@ -1,5 +1,7 @@
 """A rotor disc meets what is beside it, below it and above it, and what it passed on its way."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,22 @@ def test_a_bar_passed_between_two_looks_is_met() -> None:
     bar = Wire((-5.0, 0.02, 5.0), (5.0, 0.02, 5.0), 0.05)
     assert struck(world(bar), ROTOR, at(0.0, 0.0, 4.6), at(0.0, 0.0, 4.8))
     assert not struck(world(bar), ROTOR, at(0.0, 2.0, 4.6), at(0.0, 2.0, 4.8))
+
+
+@pytest.mark.parametrize(("rotor", "post_m"), [(ROTOR, 0.05), (Rotor(5.0, 2.6), 0.4)])
+def test_a_post_anywhere_under_the_disc_is_met_from_above_and_from_the_side(
+    rotor: Rotor, post_m: float
+) -> None:
+    rng, top_m = np.random.default_rng(1), 4.0
+    for _ in range(40):
+        away, turn = rotor.radius_m * math.sqrt(rng.uniform(0, 0.95)), rng.uniform(0, 2 * np.pi)
+        x, y = away * math.cos(turn), away * math.sin(turn)
+        there = world(Box(x, y, 0.0, post_m, post_m, top_m, yaw_rad=turn, name="post"))
+        down = at(0.0, 0.0, top_m - rotor.height_m + 0.02), at(0.0, 0.0, top_m - rotor.height_m - 0.02)
+        assert struck(there, rotor, *down) or struck(
+            there, rotor, down[1], at(0.0, 0.0, top_m - 0.5 - rotor.height_m)
+        )
+        assert struck(there, rotor, at(-0.05, 0.0, 1.0), at(0.05, 0.0, 1.0)) or rotor.height_m + 1.0 > top_m
 
 
 def test_the_ground_is_what_is_below_not_what_hangs_above() -> None:
