@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -158,3 +159,87 @@ def test_source_mode_keeps_to_its_windows() -> None:
     selected = pipeline.process(window(ground_returns(2, 40_000), 1_000_000_000)).selected
     assert selected is not None
     assert selected.ground is None
+
+
+def judged_ground(points: Callable[[int], Floats], **settings: object) -> WatchedGround:
+    """Return the ground of the point after windows of made returns; the point is safe."""
+    pipeline = Pipeline(params.build({"zone_m": 60.0, "adaptive": "off", **settings}))
+    for number in range(3):
+        report = pipeline.process(window(points(number), number * 1_000_000_000))
+        pipeline.select(POINT)
+    selected = pipeline.selected
+    assert report.near.zones or selected is not None
+    assert selected is not None
+    assert selected.state is PointState.SAFE
+    assert selected.ground is not None
+    return selected.ground
+
+
+def street(seed: int, count: int = 40_000) -> Floats:
+    """Return returns of a street 10 m wide between roofs 8 m high, and of their walls."""
+    points, rng = ground_returns(seed, count), np.random.default_rng(seed)
+    roof = np.abs(points[:, 0] - 1.0) > 5.0
+    points[roof, 2] += 8.0
+    face = rng.random(count // 4) < 0.5
+    wall = np.column_stack(
+        [np.where(face, -4.0, 6.0), rng.uniform(-12, 12, len(face)), rng.uniform(0, 8, len(face))]
+    )
+    return np.concatenate([points, wall + rng.normal(0, 0.02, wall.shape)])
+
+
+def test_between_walls_nothing_comes() -> None:
+    """From low in the street most returns are of walls, far below the roofs in whose cells they are."""
+    ground, rng = judged_ground(street), np.random.default_rng(7)
+    side = np.where(rng.random(4000) < 0.5, -4.0, 6.0)
+    walls = np.column_stack(
+        [side + rng.normal(0, 0.1, 4000), rng.uniform(-4, 8, 4000), rng.uniform(0, 6, 4000)]
+    )
+    low = street(5, 4000)
+    low = low[np.abs(low[:, 0] - 1.0) < 4.9]
+    assert seen(ground, scan(np.concatenate([low, walls]))) is None
+    assert seen(ground, scan(np.concatenate([low, walls, thing(20, 1.0)]))) is not None
+
+
+def test_an_object_that_returns_more_than_the_ground_is_told(ground: WatchedGround) -> None:
+    points = ground_returns(3, 800)
+    car = np.random.default_rng(2).uniform((-1.2, 1.1, 1.4), (3.2, 2.9, 1.5), (5000, 3))
+    hidden = (np.abs(points[:, 0] - 1.0) < 2.2) & (np.abs(points[:, 1] - 2.0) < 0.9)
+    assert seen(ground, scan(np.concatenate([points[~hidden], car]))) is not None
+
+
+def test_snow_near_the_sensor_is_no_object_and_hides_none(ground: WatchedGround) -> None:
+    rng = np.random.default_rng(6)
+    sensor = POINT + np.array([0, 0, 12.0])
+    snow = sensor - np.array([0, 0, 1.0]) + rng.normal(0, 0.3, (5, 3))
+
+    def falling(*things: Floats, number: int) -> Scan:
+        points = with_ground(snow + rng.normal(0, 0.2, snow.shape), *things, seed=number)
+        made = scan(np.concatenate([points, ground_returns(number + 50, 14_000)]), number)
+        return Scan(made.points_enu_m, made.stamp_ns, sensor, FRAME)
+
+    assert seen(ground, *(falling(number=n) for n in range(6))) is None
+    assert seen(ground, *(falling(thing(6, 0.8), number=n) for n in range(2))) is not None
+
+
+def test_over_gaps_that_count_as_seen_an_object_is_told() -> None:
+    sparse = judged_ground(lambda number: ground_returns(number, 1800))
+    assert np.isfinite(sparse.top_m).mean() > 0.95
+    small = POINT + np.random.default_rng(8).uniform((-0.1, -0.1, 0.9), (0.1, 0.1, 1.1), (6, 3))
+    for aside in ((0.0, 0.0), (0.7, 0.3), (-0.5, 0.6), (0.2, -0.9)):
+        assert seen(sparse, scan(with_ground(small + np.array([*aside, 0.0])))) is not None
+
+
+def test_what_would_be_under_the_rotor_is_told_if_it_reaches_up_to_it() -> None:
+    sizes = {"footprint_m": 3.0, "rotor_diameter_m": 10.0, "rotor_height_m": 2.6, "touchdown_error_m": 0.5}
+    ground = judged_ground(lambda number: ground_returns(number, 40_000), **sizes)
+    assert ground.radius_m == pytest.approx(5.8)
+    assert seen(ground, scan(with_ground(thing(20, 2.5, east_m=4.5)))) is not None
+    assert seen(ground, scan(with_ground(thing(20, 1.5, east_m=4.5)))) is None
+    assert seen(ground, scan(with_ground(thing(20, 1.5, east_m=1.5)))) is not None
+
+
+def test_returns_that_are_nowhere_and_scans_of_half_a_second_are_taken(ground: WatchedGround) -> None:
+    points = with_ground(thing(8, 0.8))
+    points[:3] = (np.nan, 0, 0), (1.0, 2.0, np.inf), (1e300, 0, 0)
+    stamps = np.linspace(2e9, 2.5e9, len(points)).astype(np.int64)
+    assert seen(ground, Scan(points, stamps, SENSOR, FRAME)) is not None

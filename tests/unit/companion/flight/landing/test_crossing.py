@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slz import MovingObject
-from tests.unit.companion.flight.landing.flight import Flight, Phase, zone
+from tests.unit.companion.flight.landing.flight import Flight, Phase, PointState, zone
 
 PERSON = {"radius_m": 0.3, "height_m": 1.7}
 CAR = {"radius_m": 2.2, "height_m": 1.5}
@@ -51,6 +51,30 @@ def test_people_keep_a_larger_berth_than_cars(beside_m: float, size: dict[str, f
     flight = landing(4.0, beside_m, **size)
     flight.until(lambda f: f.executive.phase in (Phase.CLIMB, Phase.LANDED))
     assert flight.executive.tally.aborts == aborts
+
+
+def test_the_point_is_given_up_after_three_and_an_emergency_gives_way_once() -> None:
+    """Children play around it: they would be there at every touchdown."""
+    flight = Flight([zone(1, 5, 5), zone(2, 60, 5)], height=20.0)
+    flight.moving = lambda f: (crosser(f, f.time_s + 4.0),) if f.position[0] < 30 else ()
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 3
+    assert flight.position[0] > 50
+
+    urgent = Flight([zone(1, 5, 5)], height=20.0, auto=False)
+    urgent.moving = lambda f: (crosser(f, f.time_s + 4.0),)
+    urgent.run(1.0)
+    assert urgent.executive.land_now(urgent.situation()).accepted
+    urgent.fly_to(Phase.LANDED)
+    assert urgent.executive.tally.aborts == 1
+
+
+def test_another_reason_does_not_keep_the_point() -> None:
+    flight = landing(4.0, below_m=6.0)
+    flight.state = lambda height, _point: PointState.UNSAFE if height < 5 else PointState.SAFE
+    flight.fly_to(Phase.CLIMB)
+    assert flight.executive.tally.abort_reasons == ["point unsafe"]
+    assert len(flight.executive.state.refused) == 1
 
 
 def test_high_over_the_point_it_is_waited_and_below_commit_height_it_lands() -> None:
