@@ -23,8 +23,8 @@ class WatchedGround:
     top_m: (rows, cols) float32, highest of what stands in the cells around and of the ground, up in the map
     frame; NaN where unknown. even: (rows, cols), known cells among which nothing stands. footprint_m:
     distance from the point within which nothing higher than `least_m` may come. radius_m: likewise, for what
-    is higher than `disc_least_m`, the underside of rotor and tail. angle_noise_rad: standard deviation of a
-    ray's direction.
+    is higher than `disc_least_m`, the underside of rotor and tail. range_noise_m, angle_noise_rad: standard
+    deviations of a ray's length and direction.
     """
 
     enu_m: NDArray[np.float64]
@@ -37,6 +37,7 @@ class WatchedGround:
     least_m: float
     radius_m: float
     disc_least_m: float
+    range_noise_m: float
     angle_noise_rad: float
 
     def cells_under(self, points_enu_m: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -75,6 +76,7 @@ def watched_ground(enu_m: NDArray[np.float64], terrain: TerrainView, parameters:
         least_m=p.relief_m,
         radius_m=radius_m,
         disc_least_m=max(p.relief_m, lowest_m - p.rotor_clearance_m),
+        range_noise_m=p.range_noise_m,
         angle_noise_rad=math.radians(p.angle_noise_deg),
     )
 

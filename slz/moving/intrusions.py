@@ -119,7 +119,7 @@ def _raised(scan: Scan, ground: WatchedGround) -> _Raised:
     if is_known(scan.sensor_enu_m):
         way = points - scan.sensor_enu_m
         aside_m, range_m = np.hypot(way[:, 0], way[:, 1]), np.linalg.norm(way, axis=1)
-    noise_m = SIGMAS * ground.angle_noise_rad * aside_m
+    noise_m = SIGMAS * np.hypot(ground.angle_noise_rad * aside_m, ground.range_noise_m)
     which = (away < ground.footprint_m) & (over > ground.least_m + noise_m)  # False for NaN
     which |= (away < ground.radius_m) & (over > ground.disc_least_m + noise_m)
     stamps = scan.stamp_ns[over_ground[which]]
