@@ -1,4 +1,4 @@
-"""What comes to a landing once it is low: on its own time, wherever the vehicle is told to land."""
+"""Intruder: an object that comes to the place where the vehicle is told to land, once that is low."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Intruder(abc.ABC):
     what
         Its name in the world and in the log.
     end
-        What the log says of where it is at its end.
+        Its place at its end, in words for the log.
     below_m
         Height over the ground below which it starts, m.
     started_ns, arrived

@@ -1,4 +1,4 @@
-"""What comes onto the selected point between two windows: seen in the scan that shows it.
+"""Intrusions onto the selected point, told by the scan that shows them.
 
 A window becomes a map when it is over, half a second to two seconds after its first return. A car is on the
 point in that time. Every scan is therefore compared with the ground that the last window left there.

@@ -1,4 +1,4 @@
-"""What moves towards the point, and would be there when the vehicle touches down."""
+"""Objects that will be at the point when the vehicle touches down."""
 
 from __future__ import annotations
 
