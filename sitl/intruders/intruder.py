@@ -59,11 +59,11 @@ class Intruder(abc.ABC):
 
     @abc.abstractmethod
     def start(self, s: SimulatedFlight) -> None:
-        """Appear in the world."""
+        """Put the object into the world."""
 
     @abc.abstractmethod
     def move(self, s: SimulatedFlight, since_s: float) -> bool:
-        """Move to where it is some seconds after its start; return whether that is its end."""
+        """Move the object by its own time, in seconds since its start; return True at its end."""
 
     def on_tick(self, s: SimulatedFlight) -> None:
         """Move the object, or check the condition for its start."""
