@@ -1,14 +1,15 @@
 """Landing benchmark over all scenes; a car drives onto the point in every fourth, a pilot in every tenth.
 
 python -m tests.bench.landings --flights 200 --jobs 2 --out landings.json
-python -m tests.bench.landings --flights 100 --kind wind
-python -m tests.bench.landings --flights 200 --kind hazard
+python -m tests.bench.landings --flights 100 --kind wind --coarse
+python -m tests.bench.landings --flights 200 --kind hazard --coarse
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import functools
 import json
 import multiprocessing
 import sys
@@ -32,7 +33,8 @@ CROSSERS = ("walker", "runner", "dog", "cyclist", "passing_car")
 JIB_BEFORE_M = 3.0
 WIND_MS = 10.0
 SCENES = tuple(name for name in scenes.NAMES if name != "dust_out")  # whose dust blinds a LiDAR alone
-FINE = {"tick_ns": 5_000_000, "lidar_ms": 50, "point_rate_hz": 25_000}
+FINE = {"tick_ns": 2_500_000, "lidar_ms": 20, "point_rate_hz": 50_000}
+COARSE = {"tick_ns": 5_000_000, "lidar_ms": 50, "point_rate_hz": 25_000}
 FLYING_COMMANDS = frozenset(
     {mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_DO_REPOSITION}
 )
@@ -95,10 +97,10 @@ class Witness:
         self._receive(message, link, now_ns)
 
 
-def fly(flight: Plan) -> dict[str, Any]:
+def fly(flight: Plan, *, coarse: bool = False) -> dict[str, Any]:
     """Fly one landing and return what came of it."""
     started = time.perf_counter()
-    simulated = FINE | {"wind_ms": flight.wind_ms}
+    simulated = (COARSE if coarse else FINE) | {"wind_ms": flight.wind_ms}
     mission = Mission(
         flight.scene, seed=flight.number, height_m=25.0, survey_s=15.0, simulated=simulated, max_wind_ms=20.0
     )
@@ -195,6 +197,7 @@ def main() -> None:
     parser.add_argument(
         "--kind", choices=("mixed", "calm", "wind", "hazard", "jib", "crossing"), default="mixed"
     )
+    parser.add_argument("--coarse", action="store_true", help="half of the ticks and of the points")
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--out", type=Path, default=Path("landings.json"))
@@ -202,7 +205,7 @@ def main() -> None:
     plans = [plan(number, own.kind) for number in range(own.first, own.first + own.flights)]
     flights: list[dict[str, Any]] = []
     with multiprocessing.get_context("spawn").Pool(own.jobs) as pool, own.out.open("w") as out:
-        for flight in pool.imap_unordered(fly, plans):
+        for flight in pool.imap_unordered(functools.partial(fly, coarse=own.coarse), plans):
             flights.append(flight)
             out.write(json.dumps(flight) + "\n")
             out.flush()
