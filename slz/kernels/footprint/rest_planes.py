@@ -364,20 +364,19 @@ def _stands_on_cell(
 
 
 @kernel
-def _relief_under(ground: Ground, plane: Plane, reach: int) -> tuple[float, float]:
-    """Return the lowest and the highest ground over a plane within a square of cells; infinite with gaps."""
-    lower, _, upper, wide, row, col = ground
-    low, high = np.inf, -np.inf
-    if min(row, col) < reach or row + reach >= len(lower) // wide or col + reach >= wide:
-        return -np.inf, np.inf
+def _bounds_under(ground: Ground, plane: Plane, reach: int) -> tuple[float, float, bool]:
+    """Return the lowest and the highest ground over a plane within a square of cells; whether it has gaps."""
+    lower, middle, upper, wide, row, col = ground
+    low, high, tall, gaps = np.inf, -np.inf, len(lower) // wide, False
     for r in range(row - reach, row + reach + 1):
         for c in range(col - reach, col + reach + 1):
             at = r * wide + c
-            if lower[at] == NOWHERE:
-                return -np.inf, np.inf
+            if not (0 <= r < tall and 0 <= c < wide) or lower[at] == NOWHERE:
+                gaps = True
+                continue
             level = plane[0] + plane[1] * (c - col) + plane[2] * (r - row)
-            low, high = min(low, lower[at] - level), max(high, upper[at] - level)
-    return low, high
+            low, high = min(low, lower[at] - level), max(high, max(upper[at], middle[at]) - level)
+    return low, high, gaps
 
 
 @kernel
@@ -403,9 +402,9 @@ def rests_anyhow(
         here = lower, middle, upper, wide, row + place // cols, col + place % cols
         plane = plane_of(here, radius)
         a, b = plane[1] / cell_m, plane[2] / cell_m
-        low, high = _relief_under(here, plane, under)
+        low, high, gaps = _bounds_under(here, plane, under)
         tilt, gradient = max(0.0, high - low) * leverage, math.sqrt(a * a + b * b)
-        if not gradient + tilt <= limits[A_GRADIENT]:  # NaN without a plane
+        if gaps or not gradient + tilt <= limits[A_GRADIENT]:  # NaN without a plane
             return False
         if high - low + tilt * (belly + aside_m) > limits[A_CLEARANCE]:
             return False
@@ -416,22 +415,6 @@ def rests_anyhow(
                 away_m = math.sqrt(east * east + north * north) + aside_m
                 floors[place, heading, k] = a * east + b * north + plane[0] + low - tilt * away_m
     return True
-
-
-@kernel
-def _bounds_under(ground: Ground, plane: Plane, reach: int) -> tuple[float, float, bool]:
-    """Return the lowest and the highest ground over a plane within a square of cells; whether it has gaps."""
-    lower, middle, upper, wide, row, col = ground
-    low, high, tall, gaps = np.inf, -np.inf, len(lower) // wide, False
-    for r in range(row - reach, row + reach + 1):
-        for c in range(col - reach, col + reach + 1):
-            at = r * wide + c
-            if not (0 <= r < tall and 0 <= c < wide) or lower[at] == NOWHERE:
-                gaps = True
-                continue
-            level = plane[0] + plane[1] * (c - col) + plane[2] * (r - row)
-            low, high = min(low, lower[at] - level), max(high, max(upper[at], middle[at]) - level)
-    return low, high, gaps
 
 
 @kernel
