@@ -18,6 +18,7 @@ from slz.grid import Edges
 from slz.kernels.points.range_gate import are_usable, beyond, heights_of, picked, usable
 from slz.landing_point.corridors import Corridors, corridors
 from slz.landing_point.judgement import SelectedPoint, unknown
+from slz.landing_point.watched_ground import WatchedGround, watched_ground
 from slz.map_pair import MapPair
 from slz.method import MethodResult
 from slz.points.mapping_reach import reach_m, within
@@ -163,6 +164,10 @@ class DefaultMethod:
             return None
         near, far = self.maps
         return corridors(enu_m, near.terrain, far.terrain, self.air, self._p)
+
+    def watched_ground(self, enu_m: Points) -> WatchedGround | None:
+        """Return the near map's ground at a point (3,), None before any window."""
+        return None if self.maps is None else watched_ground(enu_m, self.maps[0].terrain, self._p)
 
     def far_is_active(self, choice: Choice) -> bool:
         """Return False: zones of the far map are places to look closer at."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from slz.adaptive import Choice
 from slz.landing_point.corridors import Corridors
 from slz.landing_point.judgement import SelectedPoint
+from slz.landing_point.watched_ground import WatchedGround
 from slz.report import MapReport
 from slz.stage_clock import StageClock
 from slz.terrain.terrain_view import DisplayedTerrain
@@ -64,6 +65,9 @@ class Method(Protocol):
 
     def corridors(self, enu_m: Points) -> Corridors | None:
         """Return the ways in and out of a point (3,), None where this method judges none."""
+
+    def watched_ground(self, enu_m: Points) -> WatchedGround | None:
+        """Return the near map's ground at a point (3,) to compare scans with, None for none."""
 
     def far_is_active(self, choice: Choice) -> bool:
         """Tell whether the far map's zones are the report's `zones`."""

@@ -14,7 +14,6 @@ from slz.frame import LocalFrame, is_known
 from slz.grid import Box
 from slz.landing_point.judgement import SelectedPoint, judge_point, unknown
 from slz.landing_point.local_heights import nearby
-from slz.landing_point.watched_ground import WatchedGround, watched_ground
 from slz.map_pair import MapFrame
 from slz.method import Method, MethodResult, ResolutionMap
 from slz.prior import Source as PriorSource
@@ -247,14 +246,8 @@ class Pipeline:
         row, col = found.terrain.grid.index(float(enu_m[0]), float(enu_m[1]))
         zone_id = next((zone.id for zone in found.zones if zone.holds(row, col)), None)
         ways = self.method.corridors(np.array([*enu_m[:2], point.height_m]))
-        ground = self._watched(enu_m, near) if point.judged_by == "near" else None
+        ground = self.method.watched_ground(enu_m) if point.judged_by == "near" else None
         return replace(point, zone_id=zone_id, corridors=ways, ground=ground)
-
-    def _watched(self, enu_m: Points, near: ResolutionMap) -> WatchedGround | None:
-        p = self._parameters
-        if p.mode == "source":  # its windows of a second are the source's
-            return None
-        return watched_ground(enu_m, near.terrain, p)
 
 
 def _method(

@@ -91,6 +91,9 @@ class PaperMethod:
     def corridors(self, enu_m: Points) -> None:
         """Return None: the sources leave the way in to the pilot."""
 
+    def watched_ground(self, enu_m: Points) -> None:
+        """Return None: the sources judge by windows of a second alone."""
+
     def far_is_active(self, choice: Choice) -> bool:
         """Tell whether the far map was chosen (SLZ thesis, section 4.3.1)."""
         return choice.far
