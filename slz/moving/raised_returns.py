@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from slz.frame import is_known
+from slz.landing_point.height_patch import HeightPatch, highest_around
 from slz.landing_point.local_heights import Nearby
 from slz.moving.common_shift import common_shift_m
 from slz.window import Scan
@@ -19,7 +19,6 @@ SIGMAS = 4.0  # of a height at the end of a ray, that noise explains
 EVEN_M = 0.4  # between the highest and the lowest of 3 x 3 blocks
 LEAST_RANGE_M = 1.5  # of a return; nearer is the vehicle itself, or dust of its rotors
 BELOW_M = 3.0  # around the sensor, in which the ground is below it
-FAR_M = 1e7  # where returns are put that are nowhere
 LOWEST_M = 2.0  # of the sensor over the ground: lower it sees what stands far off at grazing angles
 REACH_M = 28.0  # of the sensor over ground; the map beside a report ends at 30 m
 
@@ -35,28 +34,17 @@ class RaisedReturns:
     stamp_ns: NDArray[np.int64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Ground:
-    """Ground and tops of `Nearby`, each top that of the highest block of 3 x 3: edges are not certain.
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Ground(HeightPatch):
+    """Blocks of `Nearby` around the vehicle, with the mean height of their ground."""
 
-    even: known blocks among which nothing stands.
-    """
-
-    west_m: float
-    south_m: float
-    cell_m: float
     ground_m: NDArray[np.float32]
-    top_m: NDArray[np.float32]
-    even: NDArray[np.bool_]
 
     @classmethod
     def of(cls, nearby: Nearby) -> Ground:
-        top = ndimage.maximum_filter(np.nan_to_num(nearby.top_m, nan=-np.inf), size=3, mode="nearest")
-        known = np.isfinite(nearby.ground_m)
-        tops = np.where(known, top, np.nan).astype(np.float32)
-        low = ndimage.minimum_filter(np.where(known, nearby.ground_m, np.inf), size=3, mode="nearest")
-        even = known & (top - low < EVEN_M)
-        return cls(nearby.west_m, nearby.south_m, nearby.cell_m, nearby.ground_m, tops, even)
+        tops, even = highest_around(nearby.ground_m, nearby.top_m, EVEN_M)
+        place = {"west_m": nearby.west_m, "south_m": nearby.south_m, "cell_m": nearby.cell_m}
+        return cls(**place, top_m=tops, even=even, ground_m=nearby.ground_m)
 
     def below_m(self, enu_m: Floats) -> float:
         """Return the median of the ground within `BELOW_M` of a place; where unknown, of all ground."""
@@ -83,21 +71,18 @@ def raised_returns(scan: Scan, ground: Ground, angle_noise_rad: float) -> Raised
         return None
     if not scan.sensor_enu_m[2] - ground.below_m(scan.sensor_enu_m) > LOWEST_M:
         return None
-    finite = np.isfinite(scan.points_enu_m).all(axis=1, keepdims=True)
-    points = np.where(finite, scan.points_enu_m, FAR_M)
-    col = np.floor((points[:, 0] - ground.west_m) / ground.cell_m).astype(np.intp)
-    row = np.floor((points[:, 1] - ground.south_m) / ground.cell_m).astype(np.intp)
-    rows, cols = ground.ground_m.shape
-    range_m = np.hypot(points[:, 0] - scan.sensor_enu_m[0], points[:, 1] - scan.sensor_enu_m[1])
-    here = np.flatnonzero((row >= 0) & (row < rows) & (col >= 0) & (col < cols) & (range_m < REACH_M))
-    over = points[here, 2] - ground.ground_m[row[here], col[here]]
-    beyond = points[here, 2] - ground.top_m[row[here], col[here]]
-    even = ground.even[row[here], col[here]]
-    shift_m = common_shift_m(over[even], row[here][even] * cols + col[here][even])
-    bound = LEAST_M + SIGMAS * angle_noise_rad * range_m[here] + shift_m
-    aside2 = np.einsum("ij,ij->i", points[here] - scan.sensor_enu_m, points[here] - scan.sensor_enu_m)
-    raised = (beyond > bound) & (over - shift_m < MOST_M) & (aside2 > LEAST_RANGE_M**2)  # False for NaN
+    over_ground, cell = ground.cells_under(scan.points_enu_m)
+    points = scan.points_enu_m[over_ground]
+    over = points[:, 2] - ground.ground_m.ravel()[cell]
+    beyond = points[:, 2] - ground.top_m.ravel()[cell]
+    way = points - scan.sensor_enu_m
+    aside_m, range_m = np.hypot(way[:, 0], way[:, 1]), np.linalg.norm(way, axis=1)
+    even = ground.even.ravel()[cell] & (aside_m < REACH_M)
+    shift_m = common_shift_m(over[even], cell[even])
+    bound = LEAST_M + SIGMAS * angle_noise_rad * aside_m + shift_m
+    raised = (beyond > bound) & (over - shift_m < MOST_M)  # False for NaN
+    raised &= (aside_m < REACH_M) & (range_m > LEAST_RANGE_M)
     if not raised.any():
         return None
-    which = here[raised]
-    return RaisedReturns(points[which], over[raised] - shift_m, scan.stamp_ns[which])
+    which = over_ground[raised]
+    return RaisedReturns(points[raised], over[raised] - shift_m, scan.stamp_ns[which])
