@@ -51,7 +51,7 @@ class DecisionLoop:
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout_at(next_s):
                     await self._hurry.wait()
-                    next_s = loop.time()  # the next step but one is due a whole step later
+                    next_s = loop.time()  # the step after this one is due a whole step from now
             self._hurry.clear()
 
     def hurry(self) -> None:

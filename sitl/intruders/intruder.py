@@ -1,4 +1,4 @@
-"""Intruder: an object that comes to the place where the vehicle is told to land, once that is low."""
+"""Intruder: an object that comes to the landing point, once the vehicle is low."""
 
 from __future__ import annotations
 

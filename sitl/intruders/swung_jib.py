@@ -12,7 +12,6 @@ BEYOND_M = 5.0  # of the landing point
 SLEW_RAD_S = 0.08  # of tower cranes: 0.6 to 0.8 turns a minute
 SWING_RAD = math.radians(40.0)
 OVER_M = 5.0  # its underside over the vehicle when it begins to turn
-STEP_NS = 50_000_000
 
 
 class SwungJib(Intruder):

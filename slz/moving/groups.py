@@ -31,7 +31,6 @@ class Group:
     span_s: float
     radius_m: float
     height_m: float
-    count: int
 
 
 def groups(points_enu_m: Floats, over_m: Floats, stamp_ns: NDArray[np.int64]) -> list[Group]:
@@ -60,7 +59,7 @@ def groups(points_enu_m: Floats, over_m: Floats, stamp_ns: NDArray[np.int64]) ->
         stamp = first_ns + int(np.average(stamps[own] - first_ns, weights=counts[own]))
         radius_m = float(np.hypot(*(places[own] - middle).T).max())
         span_s = float(np.ptp(stamps[own])) * 1e-9
-        found.append(Group(middle, stamp, span_s, radius_m, float(over[own].max()), int(sizes[label])))
+        found.append(Group(middle, stamp, span_s, radius_m, float(over[own].max())))
     return found
 
 

@@ -59,9 +59,9 @@ class Intrusions:
     A return is one of an intruder if it is higher over the map's ground or objects than an obstacle's least
     height and noise explain, within footprint and touchdown error of the point; within rotor and tail, if it
     reaches up to these. The navigation's height may have shifted since the window: the median over the even
-    cells around what is watched is taken off, each told by its lowest return. Five within 0.6 m and 0.3 s are
-    an intruder, as many as make a group of an outlier; near the sensor, where rain, dust and snow are dense,
-    as many as an object of `OBJECT_M2` would return (`slz.points.outliers`).
+    cells around what is watched is taken off, each told by its lowest return. Five returns within 0.6 m and
+    0.3 s are an intruder, as many as outlier removal asks of a group. Near the sensor, where rain, dust and
+    snow are dense, it takes as many as an object of `OBJECT_M2` would return (`slz.points.outliers`).
     """
 
     def __init__(self) -> None:

@@ -145,11 +145,17 @@ def check(plan: DemoOptions) -> None:
         raise UsageError(
             f"--point-rate {rate:.10g}: must be a whole number that divides 10^9, such as {below} or {above}"
         )
-    if plan.intruder != "none" and not all(_is_intruder(part) for part in plan.intruder.split(",")):
+    coming = plan.intruder.split(",")
+    if plan.intruder != "none" and not (_are_once(coming) and all(map(_is_intruder, coming))):
         raise UsageError(
             f"--intruder {plan.intruder!r}: write KIND@HEIGHT, such as car@15, up to {INTRUDER_BELOW_M:g} m; "
             f"several by commas, each once, of {', '.join(INTRUDERS)}"
         )
+
+
+def _are_once(intruders: list[str]) -> bool:
+    kinds = [text.partition("@")[0] for text in intruders]
+    return len(set(kinds)) == len(kinds)
 
 
 def _is_intruder(text: str) -> bool:

@@ -21,8 +21,6 @@ class PointWatch:
     ----------
     on_intrusion
         Something came onto the point that was not there.
-    count
-        How often.
     """
 
     def __init__(self, angle_noise_rad: float) -> None:
@@ -31,7 +29,6 @@ class PointWatch:
         self._found: Intrusion | None = None
         self._found_ns = 0
         self.on_intrusion: Event[[]] = Event()
-        self.count = 0
 
     def use_report(self, report: Report) -> None:
         """Watch the point of a report from now on."""
@@ -61,7 +58,6 @@ class PointWatch:
         is_new = self.intrusion(now_ns) is None
         self._found, self._found_ns = found, now_ns
         if is_new:
-            self.count += 1
             self.on_intrusion.emit()
 
     def moving(self, now_ns: int) -> tuple[MovingObject, ...]:

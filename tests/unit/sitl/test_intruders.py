@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from companion.desk.demo.demonstration import INTRUDERS
 from sitl.intruders import KINDS, DrivenCar, SwungJib, read
 from sitl.intruders.crosser import BESIDE_M, FROM_M
 from tests.unit.sitl.test_simulation import flown_onto
@@ -18,6 +19,7 @@ def test_options_name_kinds_and_heights() -> None:
     assert isinstance(jib, SwungJib)
     assert isinstance(car, DrivenCar)
     assert (jib.below_m, car.below_m) == (12.0, 10.5)
+    assert set(INTRUDERS) == set(KINDS), "slz demo offers others than the simulator has"
     assert all(type(read(f"{kind}@9")[0]) is KINDS[kind] for kind in KINDS)
 
 

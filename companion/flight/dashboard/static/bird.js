@@ -1,8 +1,8 @@
 // The bird's view: the map from above, drawn on a canvas.
 
 import { amount, fitCanvas } from "./dom.js";
-import { rampColour } from "./paint.js";
 import { ahead, MOVING, movingWords, radiusOf } from "./moving.js";
+import { rampColour } from "./paint.js";
 import { drawArrow, drawRose, roseRadius, windWords, WIND } from "./rose.js";
 import { holds, pathOf, patternsOf, STATE_STYLE, STYLE, styleOf, SURE_WORDS, surfaceWords } from "./zones.js";
 

@@ -204,6 +204,7 @@ def test_a_log_that_no_terminal_shows_is_plain_lines(tmp_path: Path) -> None:
         ("--intruder", "tank@5", "car@15"),
         ("--intruder", "car@nan", "up to 200 m"),
         ("--intruder", "car@1e9", "up to 200 m"),
+        ("--intruder", "car@9,car@8", "each once"),
         ("--intruder", "car@high", "up to 200 m"),
         ("--point-rate", "0", "from 1000 to 2000000"),
         ("--point-rate", "nan", "from 1000 to 2000000"),
