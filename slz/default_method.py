@@ -38,6 +38,7 @@ from slz.prior import Source as PriorSource
 from slz.report import MapReport
 from slz.stage_clock import StageClock
 from slz.surface.surface_map import NO_SIGNAL, Signal, SurfaceMap
+from slz.terrain.arrivals import Arrivals
 from slz.window import Window
 from slz.zones.zone_map import ZoneMap
 
@@ -98,6 +99,7 @@ class DefaultMethod:
         )
         self._adapter = Adapter(parameters)
         self._surface = SurfaceMap(0.0, 0.0, parameters)
+        self._arrivals = Arrivals(0.0, 0.0, parameters)
         self.air = SeenAir(parameters)
         self.prior = None if prior is None else Prior(prior, parameters)
 
@@ -120,28 +122,33 @@ class DefaultMethod:
         if new_frame:
             self._surface = SurfaceMap(near.tiles.west_m, near.tiles.south_m, self._p)
             near.terrain.surface = far.terrain.surface = self._surface
+            self._arrivals = Arrivals(near.tiles.west_m, near.tiles.south_m, self._p)
+            near.terrain.arrivals = far.terrain.arrivals = self._arrivals
             self.air = SeenAir(self._p)
         near_ones = within(points, sensor_enu_m, reach_m(self._p))
         trusted = near_ones & ~alone
-        used = trusted.copy()
         with run_concurrently(self._other, self._chosen, window, _picked(points, near_ones), far) as chosen:
             points, isolated = self._registered(kept, near_ones, sensor_enu_m, near, window)
-            self._contradictions(points, used, alone, sensor_enu_m, near)
+            raised = self._raised(points, alone, sensor_enu_m, near)
             self._follow_rays(points, window, kept, near)
         choice = chosen.result()
         clock.lap("registration")
+        ground, judged, settled = self._without_arrivals(points, raised, isolated, window, kept, near)
+        isolated = _picked(isolated, judged)
+        clock.lap("arrivals")
         pinned = None if selected is None else selected.enu_m
         for zone_map in (near, far):
             zone_map.terrain.pin(pinned, self._p.touchdown_error_m)
         stamp_s = window.end_ns * 1e-9
         altered = self._surface_of(points, trusted, sensor_enu_m, near, stamp_s, window, kept)
         clock.lap("surface")
+        of_near, of_far = (_picked(points, which) for which in (ground & (trusted | raised), ground))
+        if len(settled):
+            of_near, of_far = (np.concatenate([some, settled]) for some in (of_near, of_far))
         with run_concurrently(
-            self._other, far.add_points, points, sensor_enu_m, stamp_s, None, near.tiles, math.inf, altered
+            self._other, far.add_points, of_far, sensor_enu_m, stamp_s, None, near.tiles, math.inf, altered
         ):
-            near.add_points(
-                _picked(points, used), sensor_enu_m, stamp_s, isolated, None, reach_m(self._p), altered
-            )
+            near.add_points(of_near, sensor_enu_m, stamp_s, isolated, None, reach_m(self._p), altered)
         clock.lap("terrain")
         near.identify(sensor_enu_m)
         far.identify(sensor_enu_m)
@@ -152,7 +159,7 @@ class DefaultMethod:
             live, tiles = (near.terrain, far.terrain), near.tiles
             self.prior.update(points, sensor_enu_m, window.frame, tiles.latest_s, live, tiles.datum_m)
             clock.lap("prior")
-        return MethodResult(near, far, choice, int(used.sum()))
+        return MethodResult(near, far, choice, int((trusted | raised).sum()))
 
     def without_map(self, enu_m: Points, before: SelectedPoint | None) -> SelectedPoint:
         """Return an unknown point: evidence that neither map has is too old, or was given up."""
@@ -268,14 +275,43 @@ class DefaultMethod:
         swayed = sway(points, which, scan, window.origins_enu_m, tiles, ground)
         return swayed.removed_from(points, scan), swayed.removed_from(isolated, of_isolated)
 
-    def _contradictions(
-        self, points: Points, used: Flags, alone: Flags, sensor: Points, near: ZoneMap
-    ) -> None:
-        """Also use points above known ground of the near map, at any range: they count at once."""
-        terrain, least_m = near.terrain, self._p.relief_m
+    def _raised(self, points: Points, alone: Flags, sensor: Points, near: ZoneMap) -> Flags:
+        """Return which points are above known ground of the near map, at any range: they count at once."""
+        terrain, raised = near.terrain, np.zeros(len(points), bool)
         if is_known(sensor):
-            others = np.flatnonzero(~(used | alone))
-            used[others] = terrain.tiles.contradicted_by(points[others], sensor, terrain.noise, least_m)
+            believed = np.flatnonzero(~alone)
+            raised[believed] = terrain.tiles.contradicted_by(
+                _picked(points, ~alone), sensor, terrain.noise, self._p.relief_m
+            )
+        return raised
+
+    def _without_arrivals(
+        self, points: Points, raised: Flags, isolated: Points, window: Window, kept: KeptPoints, near: ZoneMap
+    ) -> tuple[Flags, Flags, Points]:
+        """Return which points and isolated points are not of arrivals, and those that are evidence after all.
+
+        Where the sensor's places are unknown, so are the rays, and nothing is an arrival.
+        """
+        origin, origins, n = window.origin, window.origins_enu_m, len(points)
+        everything = np.ones(n, bool), np.ones(len(isolated), bool), np.empty((0, 3))
+        if origin is None or origins is None or kept.source is None or not is_known(window.sensor_enu_m):
+            return everything
+        if not (raised.any() or len(self._arrivals) or len(self._arrivals.altered_enu_m)):
+            return everything
+        terrain, now_s = near.terrain, near.tiles.now_s(window.end_ns * 1e-9)
+        above = terrain.tiles.contradicted_by(isolated, window.sensor_enu_m, terrain.noise, self._p.relief_m)
+        scan = np.concatenate([origin[kept.source], origin[kept.isolated_source]])
+        order = np.argsort(scan, kind="stable")
+        apart = np.empty(len(order), bool)
+        apart[order], settled = self._arrivals.update(
+            np.concatenate([points, isolated])[order],
+            np.concatenate([raised, above])[order],
+            order >= n,
+            scan[order],
+            origins - (0.0, 0.0, near.tiles.datum_m),
+            now_s,
+        )
+        return ~apart[:n], ~apart[n:], settled
 
 
 def _signal(window: Window, source: NDArray[np.int64] | None, datum_m: Points) -> Signal:

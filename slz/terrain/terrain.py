@@ -34,6 +34,7 @@ from slz.kernels.footprint.patch import COLS, rows_of_patch
 from slz.kernels.points.clutter import put_onto
 from slz.kernels.raster.bitmap import Bits
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
+from slz.terrain.arrivals import Arrivals
 from slz.terrain.derive import CoveredCells, reach_of
 from slz.terrain.footing import Footing, footing, footing_edge
 from slz.terrain.layers import LAYERS, NAMED
@@ -82,7 +83,7 @@ class EvidenceTerrain(UnboundedTerrain):
     -----
     serial: number of the maps; it changes when all tiles must be read again. changed_tiles: tiles
     derived or dropped since the set was last emptied. surface: what refuses ground for its surface, None for
-    nothing.
+    nothing. arrivals: what has come to stand on the ground, drawn over the evidence, None for nothing.
     """
 
     def __init__(
@@ -104,6 +105,7 @@ class EvidenceTerrain(UnboundedTerrain):
         self._n_derived, self._new = 0, [0]
         self._thin = ThinObjects()
         self.surface: Surface | None = None
+        self.arrivals: Arrivals | None = None
         self._footings: dict[Box, tuple[bytes, Footing]] = {}  # by digest of the cells; used last at the end
         self._oldest_s: dict[Key, float] = {}  # last seen time of the cell not seen for longest
         self._reach = reach_of(parameters, grid.cell_m)
@@ -167,6 +169,8 @@ class EvidenceTerrain(UnboundedTerrain):
             if len(ground):
                 change = change.together_with(self._accumulate(ground, sensor_enu_m))
             altered += self._boxes_around(self._thin.altered_enu_m)
+        if self.arrivals is not None:
+            altered += self._boxes_around(self.arrivals.altered_enu_m)
         self._derive_all([*change.boxes, *altered, *map(box_of_tile, change.evicted)])
         for key in self._aged(now_s):
             self._derive_all([box_of_tile(key)])
@@ -272,10 +276,12 @@ class EvidenceTerrain(UnboundedTerrain):
             for _ in range(self.level):
                 evidence = downsample(evidence, self.tiles.latest_s, max_age_s)
             cells = summary(evidence, self.tiles.latest_s, max_age_s)
+        cell_m = self.grid.cell_m
+        west_m, south_m = self.tiles.west_m + box.col0 * cell_m, self.tiles.south_m + box.row0 * cell_m
         if len(self._thin.found_enu_m):
-            cell_m = self.grid.cell_m
-            west_m, south_m = self.tiles.west_m + box.col0 * cell_m, self.tiles.south_m + box.row0 * cell_m
             put_onto(self._thin.found_enu_m, west_m, south_m, cell_m, cells)
+        if self.arrivals is not None and len(self.arrivals.points_enu_m):
+            put_onto(self.arrivals.points_enu_m, west_m, south_m, cell_m, cells)
         return cells
 
     def _derive(self, box: Box) -> None:
@@ -311,7 +317,7 @@ class EvidenceTerrain(UnboundedTerrain):
         west_m, south_m = self.tiles.west_m + col0 * cell_m, self.tiles.south_m + row0 * cell_m
         new = EvidenceTerrain(Grid(west_m, south_m, cell_m, side, side), self._parameters, self.tiles, level)
         new.pinned, new._aged_s, new._thin = self.pinned, self._aged_s, self._thin
-        new.surface = self.surface
+        new.surface, new.arrivals = self.surface, self.arrivals
         new._seen = _widened(_scaled(self._seen, self.level), level, 0)
         new._derive_all(self.tiles.boxes)
         new._oldest_s = dict(self._oldest_s)

@@ -1,0 +1,269 @@
+"""What has arrived on known ground: kept apart from the evidence, until rays prove that it has gone.
+
+Evidence keeps a hazard for `hold_s` against newer returns, since a ray beside a thin object proves nothing.
+What rises over ground that was seen before, such as people and cars, is therefore kept in columns of its own.
+It counts as an obstacle at once. A column is given up when rays prove it empty:
+
+- Nothing was returned since by it or by the columns within `AROUND_M`.
+- Rays passed through it and those around, from where and from as near as the rays that they returned
+  (`slz.kernels.air.passing_rays`), so many that none would have been returned with a probability below
+  `FALSE_ALARM`. The share of rays that they return is taken as `CAUTION` times its lower bound at 95 %
+  (Clopper and Pearson, 1934).
+- The same is true of the scans to which these rays belong, since the rays of one scan are not independent: a
+  sensor that scans in lines sends all rays of a line beside an object.
+
+A wire that returned one ray of thirty is thus given up after 6,000 rays through 0.8 m around it, and a person
+after thirty. What stands for longer than the evidence is kept, or than memory allows, becomes evidence.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.special import betaincinv
+
+from params import Parameters
+from slz.kernels.air.passing_rays import (
+    BASE,
+    EAST,
+    FARTHER,
+    FIELDS,
+    RANGE,
+    RETURNED,
+    SAME_SIDE,
+    SCANS_RETURNED,
+    SCANS_SINCE,
+    SINCE,
+    TOP,
+    UP,
+    are_beside,
+    count_passing,
+    sums_around,
+)
+
+AROUND_M = 0.4  # around a column, in which other returns are of the same object
+FALSE_ALARM, DOUBT = 1e-3, 0.05
+OWN = 2.0  # rays that passed the column itself
+CAUTION = 0.7  # of the share's lower bound, for what is seen a little differently from one window to the next
+STAYS = 0.5  # of `max_age_s`, for which what stands is kept apart
+MOST = 8192  # columns
+MOST_SIDE = 1024  # columns along the side of the box that holds all
+MOST_RAYS = 30_000  # of a window that are followed
+
+Points = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+DIRECTION = slice(EAST, UP + 1)
+
+
+@dataclass(slots=True)
+class _Columns:
+    """Columns, by row and column from the evidence's corner, sorted.
+
+    records: see `slz.kernels.air.passing_rays`. since_s: when the first return came. highest, lowest: (m, 3).
+    gone: those proven empty, which count as long as others around are not.
+    """
+
+    cells: NDArray[np.int64]
+    records: Points
+    since_s: Points
+    highest: Points
+    lowest: Points
+    gone: Flags
+
+    @classmethod
+    def none(cls) -> _Columns:
+        cells, records = np.empty((0, 2), np.int64), np.empty((0, FIELDS))
+        return cls(cells, records, np.empty(0), np.empty((0, 3)), np.empty((0, 3)), np.empty(0, bool))
+
+    def __len__(self) -> int:
+        return len(self.cells)
+
+    def some(self, which: Flags) -> _Columns:
+        return _Columns(*(getattr(self, field.name)[which] for field in fields(self)))
+
+    @property
+    def points(self) -> Points:
+        return np.concatenate([self.highest[~self.gone], self.lowest[~self.gone]])
+
+
+class Arrivals:
+    """Columns in which something stands that was not there before.
+
+    Parameters
+    ----------
+    west_m, south_m
+        Corner from which columns are counted; they are as wide as the near map's cells.
+
+    Attributes
+    ----------
+    points_enu_m, altered_enu_m
+        (n, 3) highest and lowest return of each column, and those that are new or have gone since the last
+        window; in the heights of the evidence.
+    """
+
+    def __init__(self, west_m: float, south_m: float, parameters: Parameters) -> None:
+        self._west_m, self._south_m, self._cell_m = west_m, south_m, parameters.cell_m
+        self._stays_s = STAYS * parameters.max_age_s
+        self._around = math.ceil(AROUND_M / parameters.cell_m)
+        self._held = _Columns.none()
+        self.points_enu_m: Points = np.empty((0, 3))
+        self.altered_enu_m: Points = np.empty((0, 3))
+
+    def __len__(self) -> int:
+        """Number of columns in which something stands."""
+        return len(self._held) - int(self._held.gone.sum())
+
+    def update(
+        self,
+        points_enu_m: Points,
+        raised: Flags,
+        isolated: Flags,
+        origin: NDArray[np.uint16],
+        origins_enu_m: Points,
+        now_s: float,
+    ) -> tuple[Flags, Points]:
+        """Take a window; return its returns that are no evidence, and those of what is so from now on.
+
+        No evidence is what stands in the columns, down to its feet in those beside them; evidence from now on
+        are the highest and lowest returns of what has stood for long.
+
+        Parameters
+        ----------
+        points_enu_m, raised
+            (n, 3) returns in the order of their scans, and (n,) which of them are higher over known ground
+            than noise explains; in the heights of the evidence.
+        isolated
+            (n,) which of them have few others around them. Alone they are no arrival.
+        origin, origins_enu_m
+            (n,) the scan of each return, and (k, 3) the sensor's position in each scan, likewise.
+        """
+        before = self.points_enu_m
+        origins = np.ascontiguousarray(origins_enu_m)
+        self._add(points_enu_m, raised & ~isolated, origins[origin], now_s)
+        raised = raised & ~(isolated & ~self._beside(points_enu_m, self._around))
+        self._add(points_enu_m, raised & isolated, origins[origin], now_s)
+        apart = raised | self._beside(points_enu_m, 1)
+        settled = self._settled(now_s)
+        evidence, self._held = self._held.some(settled).points, self._held.some(~settled)
+        if len(self._held):
+            place, index = self._index()
+            stride = max(1, math.ceil(len(points_enu_m) / MOST_RAYS))
+            rays = points_enu_m, origin, origins, raised, stride
+            count_passing(*rays, *place, self._around, index, self._held.records)
+            self._held.gone |= self._proven_empty(index)
+            self._held = self._held.some(~self._is_over(index))
+        self.points_enu_m = self._held.points
+        self.altered_enu_m = _in_one_only(before, self.points_enu_m)
+        return apart, evidence
+
+    def _add(self, points: Points, which: Flags, sensors: Points, now_s: float) -> None:
+        if which.any():
+            self._held = self._with(points[which], sensors[which], now_s)
+
+    def _beside(self, points: Points, around: int) -> Flags:
+        """Return which points (n, 3) are in the columns, or within a number of columns beside them."""
+        if not len(self._held):
+            return np.zeros(len(points), bool)
+        place, index = self._index()
+        index[index >= 0] = np.where(self._held.gone[index[index >= 0]], -1, index[index >= 0])
+        return are_beside(points, *place, around, index)
+
+    def _with(self, points: Points, sensor: Points, now_s: float) -> _Columns:
+        """Return the columns with those of further returns (n, 3), seen from (n, 3)."""
+        held = self._held
+        at = np.floor((points[:, 1::-1] - (self._south_m, self._west_m)) / self._cell_m).astype(np.int64)
+        cells, own = np.unique(np.concatenate([held.cells, at]), axis=0, return_inverse=True)
+        was, new = own.ravel()[: len(held)], own.ravel()[len(held) :]
+        count = np.bincount(new, minlength=len(cells))
+        hit = count > 0
+        records, since_s = np.zeros((len(cells), FIELDS)), np.full(len(cells), now_s)
+        records[:, BASE], records[:, TOP] = np.inf, -np.inf
+        highest, lowest = np.full((2, len(cells), 3), np.nan)
+        gone = np.zeros(len(cells), bool)
+        stays = ~(held.gone & hit[was])  # what comes to an empty column is new
+        was = was[stays]
+        records[was], since_s[was], gone[was] = held.records[stays], held.since_s[stays], held.gone[stays]
+        highest[was], lowest[was] = held.highest[stays], held.lowest[stays]
+
+        way = points - sensor
+        range_m = np.linalg.norm(way, axis=1)
+        mean = np.column_stack(
+            [np.bincount(new, weights, len(cells)) for weights in (way / range_m[:, None]).T]
+        )
+        mean[hit] = mean[hit] / np.linalg.norm(mean[hit], axis=1, keepdims=True)
+        range_m = np.bincount(new, range_m, len(cells)) / np.maximum(count, 1)
+        turned = hit & ~(np.einsum("ij,ij->i", mean, records[:, DIRECTION]) >= SAME_SIDE)
+        farther, nearer = range_m > FARTHER * records[:, RANGE], records[:, RANGE] > FARTHER * range_m
+        moved = hit & (farther | nearer)
+        # Seen from another side, or from farther, it may return another share of the rays.
+        records[turned | moved, RETURNED : SCANS_SINCE + 1] = 0.0
+        records[hit, DIRECTION], records[hit, RANGE] = mean[hit], range_m[hit]
+
+        upward = np.argsort(points[:, 2], kind="stable")
+        for extreme, field, order in ((highest, TOP, upward), (lowest, BASE, upward[::-1])):
+            last = np.full(len(cells), -1)
+            last[new[order]] = order
+            best = points[last]
+            beyond = best[:, 2] > records[:, TOP] if field == TOP else best[:, 2] < records[:, BASE]
+            beyond &= hit
+            extreme[beyond], records[beyond, field] = best[beyond], best[beyond, 2]
+        return _Columns(cells, records, since_s, highest, lowest, gone)
+
+    def _settled(self, now_s: float) -> Flags:
+        """Return which columns are evidence from now on: the oldest, and those beyond what is kept."""
+        held = self._held
+        if not len(held):
+            return np.zeros(0, bool)
+        settled = now_s - held.since_s > self._stays_s
+        newest = np.argsort(-held.since_s, kind="stable")
+        settled[newest[MOST:]] = True
+        middle = held.cells[newest[0]]
+        settled |= (np.abs(held.cells - middle) > MOST_SIDE // 2).any(axis=1)
+        return settled
+
+    def _index(self) -> tuple[tuple[float, float, float], NDArray[np.int32]]:
+        """Return a box around all columns: its west and south, the cells' width, and each column's record."""
+        cells, margin = self._held.cells, self._around
+        first = cells.min(axis=0) - margin
+        index = np.full(cells.max(axis=0) + 1 + margin - first, -1, np.int32)
+        index[tuple((cells - first).T)] = np.arange(len(cells), dtype=np.int32)
+        south_m, west_m = ((self._south_m, self._west_m) + first * self._cell_m).tolist()
+        return (west_m, south_m, self._cell_m), index
+
+    def _is_over(self, index: NDArray[np.int32]) -> Flags:
+        """Return which columns are empty, as all around them."""
+        stand = np.zeros(index.shape, bool)
+        stand[index >= 0] = ~self._held.gone[index[index >= 0]]
+        near = ndimage.maximum_filter(stand, size=2 * self._around + 1, mode="constant")
+        over = np.zeros(len(self._held), bool)
+        over[index[index >= 0]] = ~near[index >= 0]
+        return over
+
+    def _proven_empty(self, index: NDArray[np.int32]) -> Flags:
+        """Return which columns the rays that passed prove empty."""
+        records = self._held.records
+        cells = np.argwhere(index >= 0)[np.argsort(index[index >= 0])]
+        rays = sums_around(index, cells, self._around, records)
+        scans = records[:, SCANS_RETURNED : SCANS_SINCE + 1]
+        return _proves_empty(rays) & _proves_empty(scans) & (records[:, SINCE] >= OWN)
+
+
+def _proves_empty(counts: Points) -> Flags:
+    """Return where numbers (m, 3) of what was returned, passed before and passed since prove emptiness."""
+    returned, before, since = counts.T
+    share = CAUTION * betaincinv(np.maximum(returned, 0.5), before + 1, DOUBT)
+    proven: Flags = since * -np.log1p(-share) >= -math.log(FALSE_ALARM)
+    return proven
+
+
+def _in_one_only(a: Points, b: Points) -> Points:
+    """Return the points that are in one of two sets (n, 3) only."""
+    points, count = np.unique(
+        np.concatenate([np.unique(a, axis=0), np.unique(b, axis=0)]), axis=0, return_counts=True
+    )
+    altered: Points = points[count == 1]
+    return altered

@@ -1,0 +1,219 @@
+"""Arrivals stand in the map until rays prove that they have gone, and nothing else is proven gone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import params
+from slz import SAFE, LocalFrame, Pipeline, Window
+from slz.terrain.arrivals import Arrivals
+
+Points = NDArray[np.float64]
+Box = tuple[tuple[float, float, float], tuple[float, float, float]]
+Rays = Callable[[int, np.random.Generator], Points]
+FRAME = LocalFrame(47.0, 8.0, 400.0)
+SCANS = 20  # a second
+MAN: Box = ((1.8, 0.85, 0.0), (2.2, 1.15, 1.75))
+WIRE: Box = ((-3.0, 1.0, 1.5), (5.0, 1.02, 1.52))
+POST: Box = ((2.0, 1.0, 0.0), (2.1, 1.1, 1.0))
+HERE = np.array([0.0, 0.0, 12.0])
+SETTINGS = params.load("quadcopter")
+
+
+def everywhere(n: int, rng: np.random.Generator) -> Points:
+    down, azimuth = rng.uniform(np.sin(np.radians(15)), 1, n), rng.uniform(0, 2 * np.pi, n)
+    across = np.sqrt(1 - down**2)
+    return np.column_stack([across * np.cos(azimuth), across * np.sin(azimuth), -down])
+
+
+def along_a_line(n: int, rng: np.random.Generator) -> Points:
+    """Directions of one sweep of a scanner that sweeps from west to east, turned a little at random."""
+    across = np.radians(rng.uniform(-70, 70, n))
+    tilt = np.full(n, np.radians(rng.normal(0, 0.1)))
+    return np.column_stack([np.sin(across), np.tan(tilt) * np.cos(across), -np.cos(across)])
+
+
+def cast(origin: Points, rays: Points, boxes: list[Box], rng: np.random.Generator) -> Points:
+    """Return the returns of rays that meet boxes, or ground that rises by 4 % to the east."""
+    away = -(origin[2] - 0.04 * origin[0]) / (rays[:, 2] - 0.04 * rays[:, 0])
+    for low, high in boxes:
+        with np.errstate(divide="ignore"):
+            one, other = (low - origin) / rays, (high - origin) / rays
+        into, out = np.minimum(one, other).max(axis=1), np.maximum(one, other).min(axis=1)
+        away = np.where((into < out) & (into > 0) & (into < away), into, away)
+    return origin + rays * (away + rng.normal(0, 0.02, len(rays)))[:, None]
+
+
+def window(
+    second: int,
+    rng: np.random.Generator,
+    boxes: Callable[[float], list[Box]],
+    *,
+    n: int = 30_000,
+    pattern: Rays = everywhere,
+    sensor: Callable[[float], Points] = lambda _: HERE,
+) -> Window:
+    times = second + np.arange(SCANS) / SCANS
+    origins = np.array([sensor(at) for at in times])
+    scans = [
+        cast(origin, pattern(n // SCANS, rng), boxes(at), rng)
+        for at, origin in zip(times, origins, strict=True)
+    ]
+    origin = np.repeat(np.arange(SCANS, dtype=np.uint16), n // SCANS)
+    stamps = np.repeat((times * 1e9).astype(np.int64), n // SCANS)
+    return Window(
+        np.concatenate(scans),
+        stamps,
+        origins[-1].copy(),
+        FRAME,
+        second * 10**9,
+        (second + 1) * 10**9,
+        origin=origin,
+        origins_enu_m=origins,
+    )
+
+
+def pipeline() -> Pipeline:
+    return Pipeline(params.load("quadcopter", ["zone_m=40"]), (0.0, 0.0))
+
+
+def safe_share(pipe: Pipeline, east: float, north: float, around_m: float) -> float:
+    maps = pipe.maps()
+    assert maps is not None
+    rows, cols = np.mgrid[maps.box.row0 : maps.box.row1, maps.box.col0 : maps.box.col1]
+    x, y = (
+        maps.grid.west_m + (cols + 0.5) * maps.grid.cell_m,
+        maps.grid.south_m + (rows + 0.5) * maps.grid.cell_m,
+    )
+    return float((maps.state == SAFE)[np.hypot(x - east, y - north) < around_m].mean())
+
+
+def test_somebody_who_came_makes_it_unsafe_at_once_and_who_left_gives_it_back() -> None:
+    """Evidence alone would hold for `hold_s`, 8 s, after he left."""
+    rng, pipe = np.random.default_rng(1), pipeline()
+    shares = []
+    for second in range(8):
+        pipe.process(window(second, rng, lambda at: [MAN] if 3 <= at < 5.2 else []))
+        shares.append(safe_share(pipe, 2.0, 1.0, 0.7))
+    assert shares[:3] == [1.0] * 3
+    assert shares[3:5] == [0.0] * 2
+    assert shares[7] == 1.0
+
+
+@pytest.mark.parametrize("pattern", [everywhere, along_a_line])
+@pytest.mark.parametrize("there", [WIRE, POST])
+def test_what_stands_is_never_given_up(there: Box, pattern: Rays) -> None:
+    """A wire of 2 cm returns few of the rays around it, and a line of rays may pass it as a whole."""
+
+    def sensor(at: float) -> Points:
+        return np.array([-3.0 + at, 1.0 + 0.1 * np.sin(at), 12.0])
+
+    rng, arrivals, before = np.random.default_rng(2), Arrivals(0.0, 0.0, SETTINGS), 0
+    for second in range(8):
+        looked = window(second, rng, lambda _: [there], n=20_000, pattern=pattern, sensor=sensor)
+        points, origin, origins = looked.points_enu_m, looked.origin, looked.origins_enu_m
+        assert origin is not None
+        assert origins is not None
+        raised = points[:, 2] - 0.04 * points[:, 0] > 0.3
+        arrivals.update(points, raised, np.zeros(len(points), bool), origin, origins, float(second))
+        assert len(arrivals) >= before
+        before = len(arrivals)
+    assert before
+
+
+# ---- the rule, ray by ray --------------------------------------------------------------------------
+
+TOP = np.array([4.0, 0.5, 1.5])  # of what came
+
+
+class Looks:
+    """Windows of one scan each, in which a column returns rays, and others pass through it to the ground."""
+
+    def __init__(self) -> None:
+        self.arrivals = Arrivals(0.0, 0.0, SETTINGS)
+        self._time_s = 0.0
+        self._rng = np.random.default_rng(3)
+
+    def look(
+        self, returned: int, passed: int, sensor: Points = HERE, beside_m: float = 0.0
+    ) -> NDArray[np.bool_]:
+        places = TOP + self._rng.uniform(-0.04, 0.04, (returned + passed, 3)) * (1, 1, 0)
+        places[returned:, 1] += beside_m
+        points = sensor + (places - sensor) * np.where(np.arange(len(places)) < returned, 1.0, 1.16)[:, None]
+        raised = np.arange(len(places)) < returned
+        self._time_s += 0.05
+        nobody, scan = np.zeros(len(places), bool), np.zeros(len(places), np.uint16)
+        apart, _ = self.arrivals.update(points, raised, nobody, scan, sensor[np.newaxis].copy(), self._time_s)
+        return apart
+
+
+def dense() -> Looks:
+    looks = Looks()
+    for _ in range(20):
+        looks.look(8, 2)
+    return looks
+
+
+def test_rays_through_its_place_prove_it_gone() -> None:
+    looks = dense()
+    assert len(looks.arrivals.points_enu_m)
+    for _ in range(20):
+        looks.look(0, 10)
+    assert not len(looks.arrivals.points_enu_m)
+
+
+@pytest.mark.parametrize(
+    ("elsewhere", "beside_m"),
+    [
+        pytest.param(HERE, 0.6, id="beside it"),
+        pytest.param(np.array([10.0, 0.0, 12.0]), 0.0, id="from another side"),
+        pytest.param(np.array([-4.0, -0.5, 24.0]), 0.0, id="from farther"),
+    ],
+)
+def test_rays_elsewhere_prove_nothing(elsewhere: Points, beside_m: float) -> None:
+    looks = dense()
+    for _ in range(300):
+        looks.look(0, 10, elsewhere, beside_m)
+    assert len(looks.arrivals.points_enu_m)
+
+
+def test_one_scan_proves_nothing_however_many_rays_it_has() -> None:
+    looks = dense()
+    looks.look(0, 10_000)
+    assert len(looks.arrivals.points_enu_m)
+
+
+def test_one_return_of_thirty_rays_is_kept_against_a_thousand_rays() -> None:
+    looks = Looks()
+    looks.look(1, 29)
+    for _ in range(100):
+        looks.look(0, 10)
+    assert len(looks.arrivals.points_enu_m)
+
+
+def test_what_stands_is_no_evidence_before_it_has_stood_for_long() -> None:
+    looks = Looks()
+    assert looks.look(8, 0).all()
+    stays = SETTINGS.model_copy(update={"max_age_s": 1.0})
+    arrivals = Arrivals(0.0, 0.0, stays)
+    points, flags, scan = TOP[np.newaxis].copy(), np.ones(1, bool), np.zeros(1, np.uint16)
+    _, evidence = arrivals.update(points, flags, ~flags, scan, HERE[np.newaxis].copy(), 0.0)
+    assert not len(evidence)
+    _, evidence = arrivals.update(points, ~flags, ~flags, scan, HERE[np.newaxis].copy(), 2.0)
+    assert (evidence == TOP).all()
+    assert len(evidence)
+    assert not len(arrivals.points_enu_m)
+
+
+def test_an_isolated_return_is_an_arrival_only_beside_others() -> None:
+    looks = Looks()
+    points = TOP + np.array([(0.0, 0.0, 0.0), (0.2, 0.0, 0.3), (5.0, 0.0, 0.0)])
+    origins = HERE[np.newaxis].copy()
+    raised, isolated = np.ones(3, bool), np.array([False, True, True])
+    apart, _ = looks.arrivals.update(points, raised, isolated, np.zeros(3, np.uint16), origins, 0.0)
+    assert apart.tolist() == [True, True, False]
+    assert looks.arrivals.points_enu_m[:, 2].max() == TOP[2] + 0.3
