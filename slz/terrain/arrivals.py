@@ -1,4 +1,4 @@
-"""What has arrived on known ground: kept apart from the evidence, until rays prove that it has gone.
+"""Arrivals on known ground: kept apart from the evidence, until rays prove that they have gone.
 
 Evidence keeps a hazard for `hold_s` against newer returns, since a ray beside a thin object proves nothing.
 What rises over ground that was seen before, such as people and cars, is therefore kept in columns of its own.
@@ -6,7 +6,7 @@ It counts as an obstacle at once. A column is given up when rays prove it empty:
 
 - Nothing was returned since by it or by the columns within `AROUND_M`.
 - Rays passed through it and those around, from where and from as near as the rays that they returned
-  (`slz.kernels.air.passing_rays`), so many that none would have been returned with a probability below
+  (`slz.kernels.air.passing_rays`): enough that none would have been returned with a probability below
   `FALSE_ALARM`. The share of rays that they return is taken as `CAUTION` times its lower bound at 95 %
   (Clopper and Pearson, 1934).
 - The same is true of the scans to which these rays belong, since the rays of one scan are not independent: a

@@ -1,6 +1,8 @@
-"""Objects that will be at the point when the vehicle touches down."""
+"""Objects that move over the point: who will be there at the touchdown, and who is there now."""
 
 from __future__ import annotations
+
+import math
 
 from companion.flight.landing.aim import Aim
 from companion.flight.landing.situation import Situation
@@ -13,6 +15,7 @@ BEFORE_S, AFTER_S = 1.0, 2.0  # around the touchdown, in which nothing may be th
 DECIDED_M = 3.0  # above the height at which the landing is committed: earlier there is time to go on looking
 PERSON_M = 1.0  # radius of returns up to which an object may be a person
 PERSON_BERTH_M, BERTH_M = 1.5, 0.7  # beside the footprint; people move as they like
+PERSON_HEIGHT_M = 1.2, 2.2
 
 
 def crossing(s: Situation, aim: Aim, parameters: Parameters) -> MovingObject | None:
@@ -26,10 +29,45 @@ def crossing(s: Situation, aim: Aim, parameters: Parameters) -> MovingObject | N
         return None
     from_s = max(0.0, aim.height_left_m / FASTEST_MS - BEFORE_S)
     until_s = min(LONGEST_S, aim.height_left_m / SLOWEST_MS + AFTER_S)
+    return _within_berth(s, aim, p, from_s, until_s)
+
+
+def on_the_point(s: Situation, aim: Aim, parameters: Parameters) -> MovingObject | None:
+    """Return an object that moves over the point now, or None."""
+    return None if aim.enu_m is None else _within_berth(s, aim, parameters, 0.0, 0.0)
+
+
+def leaves_after_s(one: MovingObject, s: Situation, aim: Aim, parameters: Parameters) -> float:
+    """Return the time until an object has left the point with its berth, if it keeps its course (s)."""
+    if aim.enu_m is None:
+        return 0.0
+    start, velocity = one.at(s.now_ns) - aim.enu_m[:2], one.velocity_ms
+    speed2, along = float(velocity @ velocity), float(start @ velocity)
+    within = along**2 - speed2 * (float(start @ start) - _berth_m(one, parameters) ** 2)
+    return 0.0 if speed2 == 0 or within < 0 else max(0.0, (math.sqrt(within) - along) / speed2)
+
+
+def name(one: MovingObject) -> str:
+    """Return a person, or an object of a height, in the pilot's words."""
+    low_m, high_m = PERSON_HEIGHT_M
+    is_person = one.radius_m < PERSON_M and low_m <= one.height_m <= high_m
+    return "person" if is_person else f"object of {one.height_m:.1f} m"
+
+
+def _within_berth(
+    s: Situation, aim: Aim, parameters: Parameters, from_s: float, until_s: float
+) -> MovingObject | None:
     from_ns, until_ns = s.now_ns + round(from_s * 1e9), s.now_ns + round(until_s * 1e9)
     for one in s.moving:
-        berth_m = PERSON_BERTH_M if one.radius_m < PERSON_M else BERTH_M
-        away_m, _ = one.nearest(aim.enu_m[:2], from_ns, until_ns)
-        if away_m < max(p.footprint_m, p.greatest_dimension_m) / 2 + one.radius_m + berth_m:
-            return one
+        if aim.enu_m is not None:
+            away_m, _ = one.nearest(aim.enu_m[:2], from_ns, until_ns)
+            if away_m < _berth_m(one, parameters):
+                return one
     return None
+
+
+def _berth_m(one: MovingObject, parameters: Parameters) -> float:
+    """Return how far from the point the middle of an object must be (m)."""
+    p = parameters
+    berth_m = PERSON_BERTH_M if one.radius_m < PERSON_M else BERTH_M
+    return max(p.footprint_m, p.greatest_dimension_m) / 2 + one.radius_m + berth_m

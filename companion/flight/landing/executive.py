@@ -335,7 +335,9 @@ class Executive:
         if s.position_enu_m is None or s.velocity_enu_ms is None:
             taking_over = self.phase is Phase.SURVEY and not s.guided
             return self._survey.take_over(s) if taking_over else without_pose(state, s)
-        if self.phase not in (Phase.FINAL, Phase.CLIMB, Phase.HOLD) and state.ownership.lands_for_us(s):
+        leaves = self.phase is Phase.DESCEND and self._descent.waits
+        landing = self.phase in (Phase.FINAL, Phase.CLIMB, Phase.HOLD) or leaves
+        if not landing and state.ownership.lands_for_us(s):
             return self._climb.leave_landing(s)
         return None
 

@@ -76,7 +76,7 @@ def count_passing(
     raised
         (n,) the returns of what stands in the columns; their columns have records.
     stride
-        Of the other returns, one in so many is followed, and stands for all.
+        One in `stride` of the other returns is followed, and stands for all.
     west, south, cell
         Corner of the first column, and the columns' width (m).
     around

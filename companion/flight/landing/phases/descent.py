@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from companion.flight.landing.crossing_wait import CrossingWait
 from companion.flight.landing.guidance import level, towards
 from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.situation import (
@@ -38,6 +39,12 @@ class Descent:
         self._resumed_until_ns = 0
         self._near_since_ns: int | None = None  # on an approach path: the landing target is streamed
         self._free_ns = 0  # on an approach path: last time at which nothing was ahead
+        self._wait = CrossingWait(state)
+
+    @property
+    def waits(self) -> bool:
+        """Whether the vehicle holds while somebody crosses the point."""
+        return self._wait.is_on
 
     def resume(self, s: Situation, enu_m: Vector) -> None:
         """Resume watching the autopilot's landing at a point, which a previous companion began."""
@@ -55,6 +62,9 @@ class Descent:
     def commands(self, s: Situation) -> VehicleCommands:
         """Sink over the selected point, streaming the landing target, until LAND can take over."""
         state, p = self._state, self._state.parameters
+        waiting = self._wait.commands(s)
+        if waiting is not None:
+            return waiting
         reason = state.why_not(s) or ("point not reached" if s.now_ns > state.late_ns else None)
         if reason:
             return state.break_off(reason, s)
@@ -108,6 +118,9 @@ class Descent:
         state = self._state
         late = s.now_ns > state.late_ns
         if not state.too_low_to_see:
+            waiting = self._wait.commands(s)
+            if waiting is not None:
+                return waiting
             unseen = (
                 s.now_ns < self._resumed_until_ns and state.aim.judgement(s.selected) is PointState.UNKNOWN
             )

@@ -32,9 +32,57 @@ def landing(passes_s: float, beside_m: float = 0.0, below_m: float = 4.0, **size
     return flight
 
 
-def test_who_will_be_at_the_point_breaks_the_landing_off_and_the_point_is_tried_again() -> None:
-    flight = landing(4.0).fly_to(Phase.CLIMB)
+def test_for_who_crosses_it_waits_above_the_point_and_lands_then() -> None:
+    flight = landing(4.0)
+    flight.until(lambda f: any("person crossing: waiting" in text for text in f.texts))
+    flight.run(1.5)
+    assert flight.executive.phase is Phase.DESCEND
+    height_m = flight.position[2]
+    flight.run(2.0)
+    assert flight.position[2] > height_m - 0.2
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 0
+    assert np.hypot(*(flight.position[:2] - 5.0)) < 1
+
+
+def test_who_stays_there_is_waited_for_a_while_only() -> None:
+    flight = landing(0.0, speed_ms=0.01)
+    flight.fly_to(Phase.CLIMB)
     assert flight.executive.tally.abort_reasons == ["object of 1.7 m moves in"]
+    waited = sum("crossing: waiting" in text for text in flight.texts)
+    assert waited == 1
+
+
+def test_the_ground_may_be_unsafe_while_somebody_is_on_it_and_some_seconds_after() -> None:
+    flight = Flight([zone(1, 5, 5)], height=20.0)
+    flight.fly_to(Phase.DESCEND).until(lambda f: f.position[2] < 16)
+    passes_s = flight.time_s + 2.0
+    flight.moving = lambda f: (crosser(f, passes_s),)
+    crosses = (passes_s - 1.5, passes_s + 3.0)
+    flight.state = lambda _height, _point: (
+        PointState.UNSAFE if crosses[0] < flight.time_s < crosses[1] else PointState.SAFE
+    )
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 0
+    assert any("person crossing" in text for text in flight.texts)
+
+
+def test_what_stands_on_the_ground_after_somebody_left_breaks_the_landing_off() -> None:
+    flight = Flight([zone(1, 5, 5)], height=20.0)
+    flight.fly_to(Phase.DESCEND).until(lambda f: f.position[2] < 16)
+    passes_s = flight.time_s + 2.0
+    flight.moving = lambda f: (crosser(f, passes_s),)
+    flight.state = lambda _height, _point: (
+        PointState.UNSAFE if flight.time_s > passes_s - 1.5 else PointState.SAFE
+    )
+    flight.fly_to(Phase.CLIMB)
+    assert flight.executive.tally.abort_reasons == ["point unsafe"]
+    assert flight.time_s < passes_s + 8.0
+
+
+def test_a_vehicle_breaks_the_landing_off_and_the_point_is_tried_again() -> None:
+    flight = landing(4.0, **CAR).fly_to(Phase.CLIMB)
+    assert flight.executive.tally.abort_reasons == ["object of 1.5 m moves in"]
     flight.moving = lambda _: ()
     flight.fly_to(Phase.LANDED)
     assert np.hypot(*(flight.position[:2] - 5.0)) < 1
@@ -45,18 +93,19 @@ def test_who_passes_before_after_or_beside_does_not(passes_s: float, beside_m: f
     assert landing(passes_s, beside_m).fly_to(Phase.LANDED).executive.tally.aborts == 0
 
 
-@pytest.mark.parametrize(("beside_m", "size", "aborts"), [(2.5, PERSON, 1), (4.1, CAR, 0), (3.7, CAR, 1)])
-def test_people_keep_a_larger_berth_than_cars(beside_m: float, size: dict[str, float], aborts: int) -> None:
+@pytest.mark.parametrize(("beside_m", "size", "gives"), [(2.5, PERSON, 1), (4.1, CAR, 0), (3.7, CAR, 1)])
+def test_people_keep_a_larger_berth_than_cars(beside_m: float, size: dict[str, float], gives: int) -> None:
     """1.5 m to the middle of a person, 0.7 m to a car; the footprint has 1 m."""
     flight = landing(4.0, beside_m, **size)
     flight.until(lambda f: f.executive.phase in (Phase.CLIMB, Phase.LANDED))
-    assert flight.executive.tally.aborts == aborts
+    waits = sum("crossing: waiting" in text for text in flight.texts)
+    assert flight.executive.tally.aborts + waits == gives
 
 
 def test_the_point_is_given_up_after_three_and_an_emergency_gives_way_once() -> None:
     """Children play around it: they would be there at every touchdown."""
     flight = Flight([zone(1, 5, 5), zone(2, 60, 5)], height=20.0)
-    flight.moving = lambda f: (crosser(f, f.time_s + 4.0),) if f.position[0] < 30 else ()
+    flight.moving = lambda f: (crosser(f, f.time_s + 4.0, **CAR),) if f.position[0] < 30 else ()
     flight.fly_to(Phase.LANDED)
     assert flight.executive.tally.aborts == 3
     assert flight.position[0] > 50
