@@ -15,16 +15,19 @@ from companion.flight.mapping.point_watch import PointWatch
 from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.runtime.clock import now_ns
 from companion.runtime.event import Event
-from slz import LocalFrame, Scan
+from slz import LocalFrame, MovingObject, Scan
 
 log = logging.getLogger(__name__)
 
 
 class PoseDisplay(Protocol):
-    """A recorder or live view that follows the vehicle."""
+    """A recorder or live view that follows the vehicle, and what moves around it."""
 
     def pose(self, pose: Pose, frame: LocalFrame) -> None:
         """Show where the vehicle is."""
+
+    def moving(self, objects: tuple[MovingObject, ...]) -> None:
+        """Show what moves."""
 
 
 class ScanFeed:
@@ -79,6 +82,9 @@ class ScanFeed:
         self._obstacles.add(scan)
         if self._executive.mapping:  # rotor dust, lower down, is no intruder
             self._watch.add(scan, at_ns)
+            for display in self._displays():
+                if display is not None:
+                    display.moving(self._watch.moving(at_ns))
         self._add_scan(scan)
 
     def add_radar_scan(self, scan: Scan) -> None:

@@ -23,7 +23,8 @@ class Group:
     """Object in the returns of a moment.
 
     enu_m: (2,) their middle, east and north. stamp_ns: mean of their stamps. span_s: from the first to the
-    last. radius_m: around the middle; an object that moves leaves a trace. height_m: over the ground.
+    last. radius_m: around the middle; an object that moves leaves a trace. height_m: over the ground, and
+    ground_m: of the ground, up in the map frame.
     """
 
     enu_m: Floats
@@ -31,6 +32,7 @@ class Group:
     span_s: float
     radius_m: float
     height_m: float
+    ground_m: float
 
 
 def groups(points_enu_m: Floats, over_m: Floats, stamp_ns: NDArray[np.int64]) -> list[Group]:
@@ -44,6 +46,8 @@ def groups(points_enu_m: Floats, over_m: Floats, stamp_ns: NDArray[np.int64]) ->
     if len(points_enu_m) < FEWEST:
         return []
     places, over, stamps, counts = _in_cells(points_enu_m[:, :2], over_m, stamp_ns)
+    ground_m = points_enu_m[:, 2] - over_m
+    tree = cKDTree(points_enu_m[:, :2])
     pairs = cKDTree(places).query_pairs(APART_M, output_type="ndarray")
     ones = np.ones(len(pairs), np.int8)
     graph = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(len(places), len(places)))
@@ -59,7 +63,8 @@ def groups(points_enu_m: Floats, over_m: Floats, stamp_ns: NDArray[np.int64]) ->
         stamp = first_ns + int(np.average(stamps[own] - first_ns, weights=counts[own]))
         radius_m = float(np.hypot(*(places[own] - middle).T).max())
         span_s = float(np.ptp(stamps[own])) * 1e-9
-        found.append(Group(middle, stamp, span_s, radius_m, float(over[own].max())))
+        below_m = float(ground_m[tree.query(middle)[1]])
+        found.append(Group(middle, stamp, span_s, radius_m, float(over[own].max()), below_m))
     return found
 
 

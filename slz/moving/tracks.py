@@ -37,7 +37,7 @@ class MovingObject:
     """Object that moves over the ground.
 
     number: of its track. enu_m, velocity_ms: (2,) east and north at `stamp_ns`. radius_m, height_m: of its
-    returns around their middle, and over the ground.
+    returns around their middle, and over the ground. ground_m: of the ground below it, up in the map frame.
     """
 
     number: int
@@ -46,6 +46,7 @@ class MovingObject:
     velocity_ms: Floats
     radius_m: float
     height_m: float
+    ground_m: float = math.nan
 
     def at(self, stamp_ns: int) -> Floats:
         """Return its predicted place (2,)."""
@@ -71,6 +72,7 @@ class _Track:
     first_ns: int
     radius_m: float
     height_m: float
+    ground_m: float
     hits: int = 1
     seen_ns: int = 0
     agreed: int = 0  # successive groups after which it seemed to move
@@ -96,6 +98,7 @@ class _Track:
         trace_m = float(np.hypot(*self.state[2:])) * group.span_s / 2
         self.radius_m = max(group.radius_m - trace_m, 0.8 * self.radius_m, LEAST_RADIUS_M)
         self.height_m = max(group.height_m, 0.9 * self.height_m)
+        self.ground_m = group.ground_m
         self.hits += 1
         self.seen_ns = group.stamp_ns
         self.agreed = self.agreed + 1 if self._seems_to_move() else 0
@@ -121,6 +124,7 @@ class _Track:
             self.state[2:].copy(),
             self.radius_m,
             self.height_m,
+            self.ground_m,
         )
 
 
@@ -167,7 +171,7 @@ class Tracks:
         self._tracks.append(
             _Track(
                 next(self._numbers), now_ns, state, covariance, group.enu_m.copy(), group.stamp_ns,
-                group.radius_m, group.height_m, seen_ns=group.stamp_ns,
+                group.radius_m, group.height_m, group.ground_m, seen_ns=group.stamp_ns,
             )
         )  # fmt: skip
 

@@ -17,7 +17,7 @@ from companion.flight.mapping.window_event import WindowEvent
 from companion.flight.recorder import foxglove_scene
 from companion.runtime.clock import now_ns
 from companion.runtime.errors import UsageError
-from slz import LocalFrame, Report, Window
+from slz import LocalFrame, MovingObject, Report, Window
 
 log = logging.getLogger(__name__)
 
@@ -28,6 +28,7 @@ SHOWN = frozenset(
     {
         foxglove_scene.POINTS,
         foxglove_scene.ZONES,
+        foxglove_scene.MOVING,
         foxglove_scene.GEOJSON,
         foxglove_scene.TRANSFORM,
         foxglove_scene.FIX,
@@ -56,7 +57,7 @@ class LiveView:
     def __init__(self, flight: FlightView, port: int) -> None:
         self._clock_offset_ns = time.time_ns() - now_ns()
         self._wind = flight.wind
-        self._last_pose_ns = 0
+        self._last_pose_ns = self._last_moving_ns = 0
         self._waiting: deque[Callable[[], None]] = deque(maxlen=MOST_WAITING)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-foxglove")
         self.dropped = 0
@@ -98,6 +99,13 @@ class LiveView:
         self._last_pose_ns, wall_ns = now_ns(), self._wall_ns()
         self._put(foxglove_scene.TRANSFORM, lambda: foxglove_scene.transform(pose, wall_ns), wall_ns)
         self._put(foxglove_scene.FIX, lambda: foxglove_scene.fix(pose, frame, wall_ns), wall_ns)
+
+    def moving(self, objects: tuple[MovingObject, ...]) -> None:
+        """Publish what moves around the vehicle, at most ten times a second."""
+        at_ns, wall_ns = now_ns(), self._wall_ns()
+        if objects and at_ns - self._last_moving_ns >= POSE_NS:
+            self._last_moving_ns = at_ns
+            self._put(foxglove_scene.MOVING, lambda: foxglove_scene.moving(objects, at_ns, wall_ns), wall_ns)
 
     def text(self, text: str, severity: int) -> None:
         """Publish a text for the pilot."""

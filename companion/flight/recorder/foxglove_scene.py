@@ -46,14 +46,15 @@ from numpy.typing import NDArray
 from companion.flight.geometry.pose import Pose as VehiclePose
 from companion.flight.geometry.wind import Wind
 from companion.flight.outputs.zone_feature import zone_feature
-from companion.flight.recorder import journal
+from companion.flight.recorder import foxglove_moving, journal
 from companion.flight.recorder.foxglove_ways import ways, wind_arrow
-from slz import LocalFrame, PointState, Report, SurfaceKind, Window, Zone
+from slz import LocalFrame, MovingObject, PointState, Report, SurfaceKind, Window, Zone
 
 MAP, BODY = "map", "base_link"
-POINTS, ZONES, GEOJSON, TRANSFORM, FIX, LOG, PARAMETERS = (
+POINTS, ZONES, MOVING, GEOJSON, TRANSFORM, FIX, LOG, PARAMETERS = (
     "/points",
     "/zones",
+    "/moving",
     "/zones/geojson",
     "/tf",
     "/position",
@@ -87,6 +88,7 @@ def channels(context: foxglove.Context) -> Mapping[str, Any]:
         **{t: Channel(t, message_encoding="json", schema=anything, context=context) for t in documents},
         POINTS: PointCloudChannel(POINTS, context=context),
         ZONES: SceneUpdateChannel(ZONES, context=context),
+        MOVING: SceneUpdateChannel(MOVING, context=context),
         GEOJSON: GeoJsonChannel(GEOJSON, context=context),
         TRANSFORM: FrameTransformChannel(TRANSFORM, context=context),
         FIX: LocationFixChannel(FIX, context=context),
@@ -125,6 +127,11 @@ def scene(report: Report, at_ns: int, wind: Wind | None = None) -> SceneUpdate:
         if wind is not None:
             entities.append(wind_arrow(wind, np.array([east, north, up]), _stamp(at_ns), MAP, forget))
     return SceneUpdate(entities=entities)
+
+
+def moving(objects: tuple[MovingObject, ...], now_ns: int, at_ns: int) -> SceneUpdate:
+    """Return what moves around the vehicle, at a time of the companion's clock and of the day."""
+    return foxglove_moving.moving(objects, now_ns, _stamp(at_ns), MAP)
 
 
 def _zone(zone: Zone, rank: int, at_ns: int, lifetime: Duration) -> SceneEntity:

@@ -16,7 +16,7 @@ from companion.flight.recorder import foxglove_scene, journal
 from companion.flight.recorder.recording_writer import MIB, Entry, McapWriter
 from companion.runtime.clock import now_ns
 from params import Parameters
-from slz import LocalFrame, Report, Window
+from slz import LocalFrame, MovingObject, Report, Window
 
 CLOUD_BYTES = 12 * foxglove_scene.MOST_POINTS
 SMALL_BYTES = 512
@@ -66,7 +66,7 @@ class Recorder:
     ) -> None:
         self._wall_offset_ns = wall_offset_ns
         self._lost = 0
-        self._last_pose_ns = self._last_fix_ns = 0
+        self._last_pose_ns = self._last_fix_ns = self._last_moving_ns = 0
         values = parameters.model_dump(mode="json")
         metadata = {
             "version": str(journal.VERSION),
@@ -138,6 +138,13 @@ class Recorder:
         if at_ns - self._last_fix_ns >= FIX_NS:
             self._last_fix_ns = at_ns
             self._put(foxglove_scene.FIX, lambda: foxglove_scene.fix(pose, frame, wall_ns), at_ns)
+
+    def moving(self, objects: tuple[MovingObject, ...]) -> None:
+        """Record what moves around the vehicle, at most ten times a second."""
+        at_ns = now_ns()
+        if objects and at_ns - self._last_moving_ns >= POSE_NS:
+            self._last_moving_ns, wall_ns = at_ns, self._wall_ns(at_ns)
+            self._put(foxglove_scene.MOVING, lambda: foxglove_scene.moving(objects, at_ns, wall_ns), at_ns)
 
     def changed(self, name: str, value: Any) -> None:
         """Record a changed parameter."""

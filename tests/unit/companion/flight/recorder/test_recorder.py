@@ -18,8 +18,9 @@ from companion.flight.recorder import foxglove_scene, journal
 from companion.flight.recorder.recorder import Recorder
 from companion.flight.recorder.recording_writer import McapWriter
 from companion.flight.recorder.recordings import Recordings
+from companion.runtime.clock import now_ns
 from params import Parameters
-from slz import LocalFrame
+from slz import LocalFrame, MovingObject
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 
@@ -53,6 +54,18 @@ async def test_the_place_is_recorded_a_few_times_a_second_however_often_it_is_to
     written = recorder.statistics()["written"]
     assert (written[foxglove_scene.TRANSFORM], written[foxglove_scene.FIX]) == (1, 1)
     assert written[foxglove_scene.PARAMETERS] == 2  # those at the start, and the one changed
+
+
+async def test_what_moves_is_recorded_where_it_is_at_the_time(tmp_path: Path) -> None:
+    recorder = Recorder(tmp_path / "a.mcap", "livox", Parameters(), 0)
+    walker = MovingObject(7, now_ns(), np.array([4.0, 1.0]), np.array([0.0, 2.0]), 0.3, 1.7, ground_m=12.0)
+    for objects in ((), (walker,), (walker,)):
+        recorder.moving(objects)
+    recorder.close()
+    assert recorder.statistics()["written"][foxglove_scene.MOVING] == 1
+    drawn = repr(foxglove_scene.moving((walker,), walker.stamp_ns + 10**9, 0))
+    assert "x: 4.0, y: 3.0, z: 12.85" in drawn
+    assert "shaft_length: 4.0" in drawn
 
 
 def recordings() -> Recordings:
