@@ -133,7 +133,9 @@ class DefaultMethod:
             self._follow_rays(points, window, kept, near)
         choice = chosen.result()
         clock.lap("registration")
-        ground, judged, settled = self._without_arrivals(points, raised, isolated, window, kept, near)
+        ground, judged, settled = self._without_arrivals(
+            points, raised, isolated, sensor_enu_m, window, kept, near
+        )
         isolated = _picked(isolated, judged)
         clock.lap("arrivals")
         pinned = None if selected is None else selected.enu_m
@@ -286,7 +288,14 @@ class DefaultMethod:
         return raised
 
     def _without_arrivals(
-        self, points: Points, raised: Flags, isolated: Points, window: Window, kept: KeptPoints, near: ZoneMap
+        self,
+        points: Points,
+        raised: Flags,
+        isolated: Points,
+        sensor: Points,
+        window: Window,
+        kept: KeptPoints,
+        near: ZoneMap,
     ) -> tuple[Flags, Flags, Points]:
         """Return which points and isolated points are not of arrivals, and those that are evidence after all.
 
@@ -294,12 +303,12 @@ class DefaultMethod:
         """
         origin, origins, n = window.origin, window.origins_enu_m, len(points)
         everything = np.ones(n, bool), np.ones(len(isolated), bool), np.empty((0, 3))
-        if origin is None or origins is None or kept.source is None or not is_known(window.sensor_enu_m):
+        if origin is None or origins is None or kept.source is None or not is_known(sensor):
             return everything
         if not (raised.any() or len(self._arrivals) or len(self._arrivals.altered_enu_m)):
             return everything
         terrain, now_s = near.terrain, near.tiles.now_s(window.end_ns * 1e-9)
-        above = terrain.tiles.contradicted_by(isolated, window.sensor_enu_m, terrain.noise, self._p.relief_m)
+        above = terrain.tiles.contradicted_by(isolated, sensor, terrain.noise, self._p.relief_m)
         scan = np.concatenate([origin[kept.source], origin[kept.isolated_source]])
         order = np.argsort(scan, kind="stable")
         apart = np.empty(len(order), bool)

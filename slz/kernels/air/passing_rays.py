@@ -55,10 +55,10 @@ def _end_scan(looks: Array1D[np.uint8], records: Array2D[np.float64]) -> None:
 
 @kernel
 def count_passing(
-    points: Array2D[np.float64],
+    points: ReadOnly2D[np.float64],
     origin: ReadOnly1D[np.uint16],
     origins: ReadOnly2D[np.float64],
-    raised: Array1D[np.bool_],
+    raised: ReadOnly1D[np.bool_],
     stride: int,
     west: float,
     south: float,
@@ -168,7 +168,7 @@ def sums_around(
 
 @kernel
 def are_beside(
-    points: Array2D[np.float64],
+    points: ReadOnly2D[np.float64],
     west: float,
     south: float,
     cell: float,

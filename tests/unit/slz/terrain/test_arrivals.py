@@ -65,10 +65,13 @@ def window(
     ]
     origin = np.repeat(np.arange(SCANS, dtype=np.uint16), n // SCANS)
     stamps = np.repeat((times * 1e9).astype(np.int64), n // SCANS)
+    points, last = np.concatenate(scans), origins[-1].copy()
+    for array in (points, stamps, last, origin, origins):
+        array.setflags(write=False)  # as the fusion hands them over
     return Window(
-        np.concatenate(scans),
+        points,
         stamps,
-        origins[-1].copy(),
+        last,
         FRAME,
         second * 10**9,
         (second + 1) * 10**9,
