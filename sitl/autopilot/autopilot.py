@@ -27,6 +27,7 @@ from sitl.autopilot.telemetry import Telemetry
 from sitl.autopilot.wind_estimator import WindEstimator
 from sitl.vehicle.multirotor import GRAVITY_MS2
 from sitl.vehicle.rigid_body import State, to_euler
+from sitl.world.geodetic import geodetic_of
 
 F64 = NDArray[np.float64]
 Demand = tuple[F64, float]
@@ -192,8 +193,8 @@ class Autopilot:
 
     def lla(self, enu_m: F64) -> tuple[float, float, float]:
         """Return latitude, longitude, altitude of a point in the estimate's frame."""
-        lat, lon, alt = pymap3d.enu2geodetic(*(float(v) for v in enu_m), *self.origin_lla)
-        return float(lat), float(lon), float(alt)
+        east, north, up = enu_m.tolist()
+        return geodetic_of((east, north, up), self.origin_lla)
 
     def enu_m(self, lat_deg: float, lon_deg: float, alt_m: float) -> F64:
         """Return a geodetic point in the estimate's frame."""

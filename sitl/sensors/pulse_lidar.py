@@ -22,6 +22,7 @@ from sitl.world.world import World
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+OF_ECHOES = tuple(field.name for field in fields(Echoes))
 
 PoseAt = Callable[[I64], tuple[F64, F64]]
 """Stamps (n,) ns of simulated time -> position ENU (n, 3) m, quaternion wxyz (n, 4) body FRD -> NED."""
@@ -44,12 +45,12 @@ class Shots:
         return len(self.index)
 
     def __getitem__(self, cut: slice) -> Shots:
-        echoes = Echoes(*(getattr(self.echoes, f.name)[cut] for f in fields(Echoes)))
+        echoes = Echoes(*(getattr(self.echoes, name)[cut] for name in OF_ECHOES))
         return Shots(self.index[cut], self.unit[cut], echoes, self.bright[cut])
 
     def followed_by(self, later: Shots) -> Shots:
         """Return these shots followed by later ones."""
-        pairs = ((getattr(self.echoes, f.name), getattr(later.echoes, f.name)) for f in fields(Echoes))
+        pairs = ((getattr(self.echoes, name), getattr(later.echoes, name)) for name in OF_ECHOES)
         return Shots(
             np.concatenate([self.index, later.index]),
             np.concatenate([self.unit, later.unit]),
@@ -268,6 +269,9 @@ class PulseLidar(ABC):
         bright = rays.spread(REFLECTANCE[c.kind] * c.cosine, count, 0.0)
         seen = self.reach.detected(true_range, bright, normal[:, 3], uniform[:, 0], self.noise)
         own = touched(c)
+        if not own.any():
+            measured = self._measured(true_range, seen, normal)
+            return Shots(index, nominal, false_returns(measured, seen, bright, uniform, self.noise), bright)
         at = (np.arange(count) if rays.traced is None else np.flatnonzero(rays.traced))[own]
         echoes = beam_echoes(
             c.of(own),

@@ -15,7 +15,7 @@ from tests.campaign.plan import Plan, number_of, plan
 @pytest.mark.parametrize(
     ("fault", "state"),
     [
-        ("lidar_stop", Phase.FINAL),
+        pytest.param("lidar_stop", Phase.FINAL, marks=pytest.mark.bench),  # flown in test_landing.py too
         ("ekf_jump", Phase.FINAL),
         ("killed", Phase.DESCEND),
         ("link_bursts", Phase.APPROACH),

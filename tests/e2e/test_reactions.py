@@ -32,18 +32,24 @@ def test_an_emergency_in_loiter_lands_at_once() -> None:
     assert mission.companion.executive.tally.hands_off == 0
 
 
-def test_a_low_battery_ends_the_survey() -> None:
-    mission = Mission(seed=11, survey_s=300.0)
+def test_a_low_battery_ends_the_survey_and_below_the_dust_height_nothing_is_mapped() -> None:
+    mission = Mission(seed=11, survey_s=300.0, dust_height_m=4.0)
 
     async def script(m: Mission) -> None:
         await m.until_phase(Phase.SURVEY)
         await m.until(lambda: m.companion.report is not None and bool(m.companion.report.zones))
         m.sim.autopilot.battery_pct = 14.0
-        await m.until_phase(Phase.LANDED, 120)
+        await m.until_phase(Phase.FINAL, 120)
+        await m.until(lambda: m.height_m < 3.0)
+        await asyncio.sleep(0.5)
+        reports = m.companion.worker.reports
+        await m.until_phase(Phase.LANDED)
+        assert m.companion.worker.reports <= reports + 1
 
     mission.fly(script)
     assert mission.touchdown_safe()
     assert any("battery low" in text for text in mission.heard)
+    assert mission.companion.executive.tally.aborts == 0
 
 
 def test_a_narrow_wall_on_the_way_is_passed_over() -> None:
@@ -75,24 +81,8 @@ def test_a_narrow_wall_on_the_way_is_passed_over() -> None:
     assert mission.touchdown_safe()
 
 
-def test_below_the_dust_height_nothing_is_mapped() -> None:
-    mission = Mission(seed=13, dust_height_m=4.0)
-
-    async def script(m: Mission) -> None:
-        await m.until_phase(Phase.FINAL)
-        await m.until(lambda: m.height_m < 3.0)
-        await asyncio.sleep(0.5)
-        reports = m.companion.worker.reports
-        await m.until_phase(Phase.LANDED)
-        assert m.companion.worker.reports <= reports + 1
-
-    mission.fly(script)
-    assert mission.companion.executive.tally.aborts == 0
-    assert mission.touchdown_safe()
-
-
-def test_an_autopilot_that_is_not_set_up_is_not_landed_without_an_order() -> None:
-    """An operator's order is carried out, and warned of."""
+def test_an_autopilot_that_is_not_set_up_is_landed_by_an_order_alone_until_it_is_set_right() -> None:
+    """The order is carried out, and warned of; set right in the air, it lands by itself."""
     mission = Mission(seed=13, simulated={"parameters": {"GUID_TIMEOUT": 30.0}})
 
     async def script(m: Mission) -> None:
@@ -104,31 +94,19 @@ def test_an_autopilot_that_is_not_set_up_is_not_landed_without_an_order() -> Non
         assert "SLZ: GUID_TIMEOUT is 30, needs 0.5 to 5" in m.heard
         assert "SLZ: no landing by itself: GUID_TIMEOUT" in m.heard
         m.sim.pilot.command(mavlink.MAV_CMD_USER_1, 1, component=191)
-        await m.until_phase(Phase.LANDED, 180)
-
-    mission.fly(script)
-    assert "SLZ: landing is at risk: GUID_TIMEOUT" in mission.heard
-    assert mission.touchdown_safe()
-    told = mission.companion.summary["autopilot_parameters"]
-    assert (told["read"], told["fit"]) == (True, False)
-    assert [fault["name"] for fault in told["wrong"]] == ["GUID_TIMEOUT"]
-
-
-def test_a_parameter_set_right_in_the_air_lets_it_land_by_itself() -> None:
-    mission = Mission(seed=14, simulated={"parameters": {"PLND_ENABLED": 0.0}})
-
-    async def script(m: Mission) -> None:
-        assert m.sim.pilot is not None
-        await m.until(lambda: m.height_m > 16)
-        await asyncio.sleep(5)
-        assert m.phase is Phase.IDLE
-        m.sim.autopilot.parameters["PLND_ENABLED"] = 1.0
+        await m.until_phase(Phase.FINAL, 120)
+        assert "SLZ: landing is at risk: GUID_TIMEOUT" in m.heard
+        told = m.companion.fitness.summary()
+        assert (told["read"], told["fit"]) == (True, False)
+        assert [fault["name"] for fault in told["wrong"]] == ["GUID_TIMEOUT"]
         m.sim.pilot.set_mode(Mode.LOITER)
-        await m.until(lambda: m.sim.autopilot.mode is Mode.LOITER)
+        await m.until(lambda: m.sim.autopilot.mode is Mode.LOITER and m.phase is Phase.IDLE)
+        m.sim.autopilot.parameters["GUID_TIMEOUT"] = 3.0
         await asyncio.sleep(2)
         m.sim.pilot.set_mode(Mode.GUIDED)
         await m.until_phase(Phase.LANDED, 180)
 
     mission.fly(script)
     assert "SLZ: autopilot's parameters are right now" in mission.heard
+    assert mission.companion.summary["autopilot_parameters"]["fit"]
     assert mission.touchdown_safe()

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from slz.kernels.air.corridor_obstacles import clear_over
 from slz.kernels.air.seen_columns import BASE, COL, LEVELS, ROW, SIDE, unseen_slopes
 
+SEEDS = [0, 1, *(pytest.param(seed, marks=pytest.mark.bench) for seed in range(2, 6))]  # on request, for time
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 BEARINGS, SPREAD, HEIGHT_M, RADIUS_M, REACH_M = 24, 0.1, 2.0, 2.0, 36.0
@@ -41,7 +42,7 @@ def covered(places: Floats, radius_m: float, lifted_m: float = 0.0) -> Flags:
     return out
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_air_that_was_not_seen_is_not_clear_and_all_other_is(seed: int) -> None:
     rng = np.random.default_rng(seed)
     passed = np.full((SIDE, SIDE, LEVELS), 50, np.uint8)
@@ -65,7 +66,7 @@ def test_air_that_was_not_seen_is_not_clear_and_all_other_is(seed: int) -> None:
     assert (~unseen | wide.any(axis=0)).all()
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", SEEDS)
 def test_no_top_reaches_into_a_clear_corridor_and_others_are_clear(seed: int) -> None:
     rng = np.random.default_rng(seed)
     side = int(2 * REACH_M / CELL_M)

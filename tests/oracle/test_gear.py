@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from itertools import combinations
 
 import numpy as np
 import pytest
@@ -42,6 +43,17 @@ def lowest_plane(contacts: Floats, heights: Floats, centre: Floats) -> Floats:
     return np.asarray(found.x)
 
 
+def lowest_plane_of_few(contacts: Floats, heights: Floats, centre: Floats) -> Floats:
+    """Return the same for up to four contacts: of all planes through three, those above the others."""
+    best, lowest_m = np.full(3, np.nan), np.inf
+    for three in map(list, combinations(range(len(contacts)), 3)):
+        plane = np.linalg.solve(np.column_stack([contacts[three], np.ones(3)]), heights[three])
+        under = contacts @ plane[:2] + plane[2]
+        if (under >= heights - 1e-9).all() and [*centre, 1.0] @ plane < lowest_m:
+            best, lowest_m = plane, [*centre, 1.0] @ plane
+    return best
+
+
 @settings(max_examples=150, deadline=None)
 @given(st.sampled_from(sorted(GEARS)), st.integers(0, 10_000), st.sampled_from([0.02, 0.2, 1.0]))
 def test_the_gear_rests_on_the_lowest_plane_above_its_contacts(name: str, seed: int, bumpy_m: float) -> None:
@@ -55,6 +67,9 @@ def test_the_gear_rests_on_the_lowest_plane_above_its_contacts(name: str, seed: 
     contacts, exact = gear.contacts_m[heading].astype(float), heights.astype(float)
     hair = 1e-3 * np.array([[1.0, 0.2], [-1.0, -0.2], [-0.2, 1.0], [0.2, -1.0]])
     planes = [lowest_plane(contacts, exact, centre) for centre in hair]
+    if count <= 4:
+        few = [lowest_plane_of_few(contacts, exact, centre) for centre in hair]
+        np.testing.assert_allclose(few, planes, rtol=1e-6, atol=1e-6)
     steepest = max(planes, key=lambda plane: math.hypot(plane[0], plane[1]))
     assert gradient == pytest.approx(math.hypot(steepest[0], steepest[1]), rel=1e-3, abs=1e-4)
     assert (east * contacts[:, 0] + north * contacts[:, 1] + up >= exact - 1e-3).all()
@@ -110,6 +125,7 @@ def least_tilt_deg(surface: Surface, east: float, north: float, p: params.Parame
         places = [(x, y) for x in (ahead, -ahead) for y in (aside, -aside)]
     disc = [(0.0, 0.0), *((p.pad_radius_m * c, p.pad_radius_m * s) for c, s in np.eye(2).tolist())]
     disc += [(-x, -y) for x, y in disc[1:]]
+    plane_of = lowest_plane_of_few if len(places) <= 4 else lowest_plane
     best = 90.0
     for heading in np.radians(np.arange(0, 360, 10)):
         turn = np.array([[math.sin(heading), math.cos(heading)], [math.cos(heading), -math.sin(heading)]])
@@ -118,7 +134,7 @@ def least_tilt_deg(surface: Surface, east: float, north: float, p: params.Parame
         heights = surface(under[..., 0], under[..., 1]).max(axis=1)
         tilts = []
         for centre in 1e-3 * np.array([[1.0, 0.2], [-1.0, -0.2], [-0.2, 1.0], [0.2, -1.0]]):
-            a, b, _ = lowest_plane(contacts, heights, centre)
+            a, b, _ = plane_of(contacts, heights, centre)
             tilts.append(math.degrees(math.atan(math.hypot(a, b))))
         best = min(best, max(tilts))
         if best < 5:

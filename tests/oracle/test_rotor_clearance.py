@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 import params
@@ -246,9 +247,12 @@ def trial(rng: np.random.Generator, count: Count, points: int = 8) -> None:
                     count.touching += touches(vehicle, *place, 0.0)
 
 
-def test_no_heading_called_clear_tips_over_or_touches_anything() -> None:
+@pytest.mark.parametrize(
+    "headings", [3_000, pytest.param(9_000, marks=pytest.mark.bench)]
+)  # 9,000 on request
+def test_no_heading_called_clear_tips_over_or_touches_anything(headings: int) -> None:
     rng, count = np.random.default_rng(7), Count()
-    while count.headings < 9_000:
+    while count.headings < headings:
         trial(rng, count)
     assert count.tipping == 0
     assert count.touching == 0

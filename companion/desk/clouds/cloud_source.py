@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,9 @@ from numpy.typing import NDArray
 from companion.desk.clouds.crs import Reference
 from companion.runtime.errors import CompanionError, UsageError
 from companion.runtime.interrupt import Interrupted
-from slz import PointAttributes
+
+if TYPE_CHECKING:  # the reader's process needs none of the method's kernels, which take seconds to load
+    from slz import PointAttributes
 
 CHUNK = 1_000_000  # points
 # Errors due to a file's name, or to an offset in a corrupt header: they would occur again.

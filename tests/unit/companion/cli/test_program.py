@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import logging
 import re
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -21,6 +22,7 @@ from companion.desk.figures import flight_figures
 from companion.flight.dashboard.page import PageEndpoint
 from companion.runtime.event import Event
 from params import Parameters
+from tests.ports import free_port
 from tests.unit.companion.desk.replay import flights
 from tests.unit.companion.desk.survey.clouds import field, placed, write
 
@@ -71,6 +73,28 @@ def refusal(capfd: Capture, *words: str) -> str:
 )
 def test_bad_arguments_are_one_line_and_exit_code_2(capfd: Capture, words: list[str], complaint: str) -> None:
     assert complaint in refusal(capfd, *words)
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (["--mavlink", "carrier:pigeon", "--lidar", "livox:127.0.0.1:{free}"], "carrier"),
+        (["--mavlink", "udpin:127.0.0.1:{free}", "--lidar", "sonar:127.0.0.1:1"], "sonar"),
+        (["--mavlink", "udpin:127.0.0.1:{taken}", "--lidar", "livox:127.0.0.1:{free}"], "in use"),
+        (["--mavlink", "udpin:127.0.0.1:{free}", "--lidar", "livox:127.0.0.1:{taken}"], "in use"),
+        ([*RUN[1:], "--set", "celm=1"], "celm"),
+        ([*RUN[1:], "--set", "cell_m=-1"], "cell_m"),
+        ([*RUN[1:], "--land", "now"], "--land"),
+    ],
+)
+def test_a_flight_that_cannot_begin_is_refused_in_one_line(
+    capfd: Capture, words: list[str], complaint: str
+) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", 0))
+        taken, free = other.getsockname()[1], free_port()
+        given = [word.format(taken=taken, free=free) for word in words]
+        assert complaint in refusal(capfd, "run", *given)
 
 
 def test_help_is_shown_when_asked_for_and_when_nothing_is(capfd: Capture) -> None:

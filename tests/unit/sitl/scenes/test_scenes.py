@@ -14,6 +14,8 @@ from sitl.truth import truth
 from sitl.truth.touchdown import fault_of, footing
 from sitl.world.primitives import Box, Kind
 
+ON_REQUEST = pytest.mark.bench  # for their time
+
 
 @cache
 def scene(name: str, seed: int = 1) -> Scene:
@@ -102,17 +104,17 @@ def test_slope_and_pond_and_roofs_are_what_their_regions_say() -> None:
     assert world.height_m(120.1, 40.0) == pytest.approx(12.5)
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=ON_REQUEST) for seed in (2, 3))])
 def test_the_garden_of_the_streets_tips_a_gear_where_slope_and_relief_are_safe(seed: int) -> None:
-    built = scenes.build("streets", seed)
+    built = scene("streets", seed)
     corners = np.array(built.regions["garden"])
     rng = np.random.default_rng(seed)
     tilts = []
-    for east, north in rng.uniform(corners.min(axis=0) + 1, corners.max(axis=0) - 1, (300, 2)):
+    for east, north in rng.uniform(corners.min(axis=0) + 1, corners.max(axis=0) - 1, (150, 2)):
         here = {"e": float(east), "n": float(north), "heading_deg": float(rng.uniform(0, 360))}
         if not fault_of(built.world, here, tip_limit_deg=90.0):
             tilts.append(footing(built.world, here).tilt_deg or 0.0)
-    assert len(tilts) > 200  # of 300 safe without a gear
+    assert len(tilts) > 100  # of 150 safe without a gear
     assert 0.05 < np.mean(np.array(tilts) > 15.0) < 0.4
     assert np.median(tilts) < 2.0
     x, y, heading = built.home_enu

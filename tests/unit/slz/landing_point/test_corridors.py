@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -15,6 +17,7 @@ FRAME = LocalFrame(47.0, 8.0, 400.0)
 NORTH, EAST, SOUTH, WEST = 0, 18, 36, 54
 PLACES = 4 * ((0, 0), (12, 0), (-12, 0), (0, 12), (0, -12))
 SURVEY = ["survey_height_m=15", "zone_m=100", "adaptive=off"]
+ON_REQUEST = pytest.mark.bench  # for their time
 Floats = NDArray[np.float64]
 
 
@@ -28,6 +31,7 @@ def wall(points: Floats, sensor: Floats, north_m: float, height_m: float, east_m
     return out
 
 
+@cache
 def judged(
     walls: tuple[tuple[float, float, float], ...] = (),
     turn: int = 0,
@@ -102,7 +106,7 @@ def test_air_that_was_not_seen_is_not_clear() -> None:
     assert (found.states[:, 0] == UNKNOWN).all()
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=ON_REQUEST) for seed in (1, 2))])
 def test_a_further_obstacle_clears_nothing(seed: int) -> None:
     rng = np.random.default_rng(seed)
     first = (float(rng.uniform(4, 15)), float(rng.uniform(1, 8)), float(rng.uniform(1, 10)))
@@ -115,7 +119,7 @@ def test_a_further_obstacle_clears_nothing(seed: int) -> None:
 @pytest.mark.parametrize("turn", [1, 2, 3])
 def test_bearings_turn_with_the_world(turn: int) -> None:
     walls = ((8.0, 5.0, 6.0),)
-    before, after = judged(walls), judged(walls, turn)
+    before, after = judged(walls), judged(walls, turn=turn)
     turned = np.roll(before.states, turn * BEARINGS // 4, axis=0)
     assert (after.states != turned).mean() < 0.08  # cells and voxels do not turn with it
 

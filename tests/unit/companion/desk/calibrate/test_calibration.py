@@ -46,7 +46,7 @@ def test_what_is_to_be_corrected_is_told_with_its_error_and_the_parameters_to_se
 def test_what_the_flight_does_not_show_is_left_as_it_is(
     recording: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    flight = flown(straight, "plain", 20.0, (0.0, 0.0, 0.0), 0.0)
+    flight = flown(straight, "plain", 12.0, (0.0, 0.0, 0.0), 0.0)
     monkeypatch.setattr(calibration, "_read", lambda *_: flight)
     told = calibration.run(recording, [])
     assert told["not_shown"]
@@ -68,7 +68,7 @@ def test_a_recording_without_a_flight_is_refused(recording: Path) -> None:
 def test_a_flight_that_shows_nothing_well_enough_is_refused_with_advice(
     recording: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    flight = flown(straight, "plain", 20.0, (0.0, 0.0, 0.0), 0.0)
+    flight = flown(straight, "plain", 12.0, (0.0, 0.0, 0.0), 0.0)
     monkeypatch.setattr(calibration, "_read", lambda *_: flight)
     monkeypatch.setattr(calibration, "BELIEVED", np.zeros(4))
     with pytest.raises(CompanionError, match="does not show boresight or time offset; fly figures of eight"):

@@ -15,7 +15,7 @@ from companion.desk.clouds.las import pieces
 from companion.runtime.errors import UsageError
 from tests.unit.companion.desk.survey import clouds
 
-N = 2_000_100  # two pieces and a little: while the first is read, the second fills the pipe
+N = 1_010_000  # a piece, and one that is small but fills the pipe while the first is read
 
 
 def readers() -> list[int]:
@@ -55,6 +55,19 @@ def cloud(tmp_path_factory: pytest.TempPathFactory) -> Path:
     )
 
 
+@pytest.fixture(scope="module")
+def single(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A file of one point, for what needs a file that is read to its end."""
+    return clouds.write(tmp_path_factory.mktemp("laz") / "b.laz", np.array([[5e5, 4.9e6, 1.0]]))
+
+
+def waiting(single: Path) -> int:
+    """Return the process number of a reader that has read one file and waits for the next."""
+    assert [len(p) for p in pieces(single, 1)] == [1]
+    (reader,) = readers()
+    return reader
+
+
 def test_points_are_those_of_the_file_with_all_their_dimensions(cloud: Path) -> None:
     with laspy.open(cloud) as reader:
         expected = reader.read_points(-1)
@@ -65,36 +78,31 @@ def test_points_are_those_of_the_file_with_all_their_dimensions(cloud: Path) -> 
     np.testing.assert_array_equal(np.concatenate([np.asarray(p.x) for p in found]), expected.x)
 
 
-def test_one_process_reads_one_file_after_the_other(cloud: Path, tmp_path: Path) -> None:
-    other = clouds.write(tmp_path / "b.laz", np.array([[5e5, 4.9e6, 1.0]]))
-    list(pieces(cloud, N))
-    (reader,) = readers()
-    assert [len(p) for p in pieces(other, 1)] == [1]
+def test_one_process_reads_one_file_after_the_other(single: Path, tmp_path: Path) -> None:
+    reader = waiting(single)
+    other = clouds.write(tmp_path / "c.laz", np.tile([5e5, 4.9e6, 1.0], (2, 1)))
+    assert [len(p) for p in pieces(other, 2)] == [2]
     assert readers() == [reader]
 
 
-def test_a_reader_that_ends_in_a_file_is_told_and_the_next_file_is_read(cloud: Path) -> None:
+def test_a_reader_that_ends_in_a_file_is_told_and_the_next_file_is_read(cloud: Path, single: Path) -> None:
     reading = pieces(cloud, N)
-    list(pieces(cloud, N))
-    (reader,) = readers()
+    reader = waiting(single)
     next(reading)
     kill(reader)
     with pytest.raises(UsageError, match=r"a b\.laz: .* \(its reader ended with code -9\)"):
         list(reading)
-    assert sum(map(len, pieces(cloud, N))) == N
+    assert sum(map(len, pieces(single, 1))) == 1
 
 
-def test_a_reader_that_ended_between_two_files_is_not_the_next_file_s_fault(cloud: Path) -> None:
-    list(pieces(cloud, N))
-    (reader,) = readers()
-    kill(reader)
-    assert sum(map(len, pieces(cloud, N))) == N
+def test_a_reader_that_ended_between_two_files_is_not_the_next_file_s_fault(single: Path) -> None:
+    kill(waiting(single))
+    assert sum(map(len, pieces(single, 1))) == 1
     assert len(readers()) == 1
 
 
-def test_a_file_that_nobody_reads_to_its_end_leaves_no_process(cloud: Path) -> None:
-    list(pieces(cloud, N))
-    (reader,) = readers()
+def test_a_file_that_nobody_reads_to_its_end_leaves_no_process(cloud: Path, single: Path) -> None:
+    reader = waiting(single)
     reading = pieces(cloud, N)
     next(reading)
     assert readers() == [reader]
@@ -102,9 +110,10 @@ def test_a_file_that_nobody_reads_to_its_end_leaves_no_process(cloud: Path) -> N
     assert readers() == []
 
 
-def test_a_corrupt_file_is_refused_in_one_line_and_the_reader_goes_on(cloud: Path, tmp_path: Path) -> None:
-    list(pieces(cloud, N))
-    (reader,) = readers()
+def test_a_corrupt_file_is_refused_in_one_line_and_the_reader_goes_on(
+    cloud: Path, single: Path, tmp_path: Path
+) -> None:
+    reader = waiting(single)
     data = bytearray(cloud.read_bytes())
     with laspy.open(cloud) as opened:
         begin = opened.header.offset_to_point_data
@@ -116,4 +125,4 @@ def test_a_corrupt_file_is_refused_in_one_line_and_the_reader_goes_on(cloud: Pat
     assert "\n" not in str(raised.value)
     if "reader ended" not in str(raised.value):
         assert readers() == [reader]
-    assert sum(map(len, pieces(cloud, N))) == N
+    assert sum(map(len, pieces(single, 1))) == 1
