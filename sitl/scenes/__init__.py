@@ -17,6 +17,7 @@ from sitl.scenes import (
     snowfield,
     stadium,
     streets,
+    swaying_trees,
 )
 from sitl.scenes.lines import power_line
 from sitl.scenes.scene import Polygon, Scene
@@ -45,6 +46,7 @@ _BUILDERS = {
     "maize": maize.build,
     "snowfield": snowfield.build,
     "power_line": power_line.build,
+    "swaying_trees": swaying_trees.build,
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
 

@@ -243,7 +243,15 @@ class PulseLidar(ABC):
         uniform = self._uniform.random((index.size, 4))
         rays = self._rays(index, nominal, normal, position, attitude)
         depths, glint = self._layer_draws(index.size, world)
-        c = world.cross(rays.origin, rays.direction, self.reach.most_m, depths[rays.chosen], thin_wires=False)
+        time_s = np.asarray(stamps_ns * 1e-9, np.float64)
+        c = world.cross(
+            rays.origin,
+            rays.direction,
+            self.reach.most_m,
+            depths[rays.chosen],
+            thin_wires=False,
+            time_s=time_s[rays.chosen],
+        )
         true_range = rays.spread(c.range_m, index.size, np.nan)
         bright = rays.spread(REFLECTANCE[c.kind] * c.cosine, index.size, 0.0)
         seen = self.reach.detected(true_range, bright, normal[:, 3], uniform[:, 0], self.noise)
@@ -258,7 +266,7 @@ class PulseLidar(ABC):
             c.of(own),
             rays.origin[own],
             rays.direction[own],
-            np.asarray(stamps_ns[at] * 1e-9, np.float64),
+            time_s[at],
             world.water,
             self.WAVELENGTH_NM,
             glint[at],
