@@ -23,6 +23,7 @@ from sitl.vehicle.pose_track import PoseTrack
 from sitl.vehicle.rigid_body import State
 from sitl.vehicle.rotor_strike import Rotor, struck
 from sitl.wire.wire import MemoryWire, Router, Wire, open_wire
+from sitl.world.plant_motion import Wash
 
 TICK_NS = 2_500_000
 LOOK_NS = 10_000_000  # between two looks at what the rotors meet: 0.1 m at 10 m/s, and the way is looked at
@@ -80,6 +81,7 @@ class Simulation:
         streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(5)]
         x, y, heading = scene.home_enu
         self.scene = scene
+        scene.world.wind_ms = wind_ms
         self.origin_lla = origin_lla
         self.now_ns = 0
         home = x, y, scene.world.height_m(x, y)
@@ -203,6 +205,8 @@ class Simulation:
     def _scan(self) -> None:
         if self.scene.dust_below_m > 0:
             self._raise_dust()
+        if self.scene.wash:
+            self._blow()
         span = self._track.stamps[0], self.now_ns
         self._scans += 1
         if self._scans % LATE_SCANS and self.late_s(self.now_ns) > LATE_S:
@@ -227,6 +231,13 @@ class Simulation:
         over_m = self.vehicle.truth.pos_enu_m[2] - self._ground_m
         dusty = over_m < self.scene.dust_below_m and not self.vehicle.on_ground
         sensor.reach, sensor.noise = IN_DUST if dusty else self._clear
+
+    def _blow(self) -> None:
+        """Press the plants below the rotors while they turn near the ground."""
+        x, y, z = (float(v) for v in self.vehicle.truth.pos_enu_m)
+        over_m = z + self.rotor.height_m - self._ground_m
+        turning = self.autopilot.armed or not self.vehicle.on_ground
+        self.scene.world.wash = Wash.below(self.rotor.radius_m, x, y, over_m) if turning else None
 
     def close(self) -> None:
         """Close all sockets and serial lines."""

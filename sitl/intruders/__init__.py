@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from sitl.intruders.bouncing_ball import BouncingBall
 from sitl.intruders.crosser import Crosser, Cyclist, Dog, PassingCar, Runner, Walker
 from sitl.intruders.driven_car import DrivenCar
 from sitl.intruders.intruder import HIGHEST_M, Intruder
 from sitl.intruders.swung_jib import SwungJib
 
-__all__ = ["HIGHEST_M", "KINDS", "Crosser", "DrivenCar", "Intruder", "SwungJib", "read"]
+__all__ = ["HIGHEST_M", "KINDS", "BouncingBall", "Crosser", "DrivenCar", "Intruder", "SwungJib", "read"]
 
 KINDS: dict[str, type[Intruder]] = {
-    kind.what: kind for kind in (DrivenCar, SwungJib, Walker, Runner, Dog, Cyclist, PassingCar)
+    kind.what: kind for kind in (DrivenCar, SwungJib, Walker, Runner, Dog, Cyclist, PassingCar, BouncingBall)
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -16,6 +17,23 @@ STEEPEST_M = 4.0  # difference of heights along a way: walls and roofs are not c
 TRIES = 24
 
 
+def even_bearing(
+    rng: np.random.Generator, s: SimulatedFlight, place: Callable[[float, float], tuple[float, float]]
+) -> float:
+    """Return the most even of some bearings drawn; `place` is that after a way (m) on a bearing."""
+    along = np.linspace(0, 2 * FROM_M, 60)
+    best, least = 0.0, math.inf
+    for bearing in rng.uniform(-math.pi, math.pi, TRIES):
+        way = np.array([place(float(gone), float(bearing)) for gone in along])
+        z, _ = s.scene.world.surface(way[:, 0], way[:, 1])
+        rough = float(np.nan_to_num(np.ptp(z), nan=1e3))
+        if rough < least:
+            best, least = float(bearing), rough
+        if rough < STEEPEST_M / 10:
+            break
+    return best
+
+
 class Crosser(Intruder):
     """Object that comes from `FROM_M` away, passes the point within `BESIDE_M`, and goes as far beyond."""
 
@@ -26,33 +44,18 @@ class Crosser(Intruder):
     def start(self, s: SimulatedFlight) -> None:
         self._speed_ms = float(self.rng.uniform(*self.speed_ms))
         self._beside_m = float(self.rng.uniform(-BESIDE_M, BESIDE_M))
-        self._bearing = self._even_way(s)
-        s.scene.world.add_mover(self.what, self.parts, *self._at(0.0), self._bearing)
+        self._bearing = even_bearing(self.rng, s, self._at)
+        s.scene.world.add_mover(self.what, self.parts, *self._at(0.0, self._bearing), self._bearing)
 
     def move(self, s: SimulatedFlight, since_s: float) -> bool:
         gone_m = min(2 * FROM_M, self._speed_ms * since_s)
-        s.scene.world.move(self.what, *self._at(gone_m), self._bearing)
+        s.scene.world.move(self.what, *self._at(gone_m, self._bearing), self._bearing)
         return gone_m == 2 * FROM_M
 
-    def _at(self, gone_m: float, bearing: float | None = None) -> tuple[float, float]:
-        along, turn = gone_m - FROM_M, self._bearing if bearing is None else bearing
-        x, y = self.goal
-        c, n = math.cos(turn), math.sin(turn)
+    def _at(self, gone_m: float, bearing: float) -> tuple[float, float]:
+        along, (x, y) = gone_m - FROM_M, self.goal
+        c, n = math.cos(bearing), math.sin(bearing)
         return x + along * c - self._beside_m * n, y + along * n + self._beside_m * c
-
-    def _even_way(self, s: SimulatedFlight) -> float:
-        """Return the most even of some bearings drawn."""
-        along = np.linspace(0, 2 * FROM_M, 60)
-        best, least = 0.0, math.inf
-        for bearing in self.rng.uniform(-math.pi, math.pi, TRIES):
-            way = np.array([self._at(float(gone), float(bearing)) for gone in along])
-            z, _ = s.scene.world.surface(way[:, 0], way[:, 1])
-            rough = float(np.nan_to_num(np.ptp(z), nan=1e3))
-            if rough < least:
-                best, least = float(bearing), rough
-            if rough < STEEPEST_M / 10:
-                break
-        return best
 
 
 def _upright(length_m: float, width_m: float, height_m: float, foot_m: float, name: str) -> Box:

@@ -17,7 +17,9 @@ from sitl.scenes import (
     snowfield,
     stadium,
     streets,
+    swaying_trees,
 )
+from sitl.scenes.lines import power_line
 from sitl.scenes.scene import Polygon, Scene
 from sitl.scenes.water import flooded_field, lakes, ponds, river
 
@@ -43,6 +45,8 @@ _BUILDERS = {
     "flat_roofs": flat_roofs.build,
     "maize": maize.build,
     "snowfield": snowfield.build,
+    "power_line": power_line.build,
+    "swaying_trees": swaying_trees.build,
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from sitl.world.plant_motion import Sway
 from sitl.world.primitives import Ground, Kind, Solid
 from sitl.world.surface_layers import Plants, SurfaceLayers
 from sitl.world.water_waves import WaterState
@@ -124,12 +126,16 @@ class Terrain:
         return Ground(float(self.x[0, 0]), float(self.y[0, 0]), self.post_m, z, square)
 
     def world(
-        self, solids: Sequence[Solid] = (), cell_m: float = 4.0, water: WaterState | None = None
+        self,
+        solids: Sequence[Solid] = (),
+        cell_m: float = 4.0,
+        water: WaterState | None = None,
+        sways: Mapping[int, Sway] = MappingProxyType({}),
     ) -> World:
         """Return the world of the finished ground with its water and plants."""
         ground = self.ground()
         if not self._plants and np.isnan(self._water_z).all():
-            return World(ground, solids, cell_m, water=water)
+            return World(ground, solids, cell_m, water=water, sways=sways)
         z, level = ground.z_m, self._water_z
         corners = np.stack([level[:-1, :-1], level[1:, :-1], level[:-1, 1:], level[1:, 1:]])
         lowest = np.min([z[:-1, :-1], z[1:, :-1], z[:-1, 1:], z[1:, 1:]], axis=0)
@@ -137,4 +143,4 @@ class Terrain:
         layers = SurfaceLayers(
             np.where(highest > lowest, highest, np.nan), self._plant[:-1, :-1].copy(), tuple(self._plants)
         )
-        return World(ground, solids, cell_m, layers=layers, water=water)
+        return World(ground, solids, cell_m, layers=layers, water=water, sways=sways)

@@ -19,6 +19,7 @@ class Scene:
     ``home_enu`` is (x, y, heading): heading in radians clockwise from north, as in autopilots (the yaw of
     objects in the world is counter-clockwise from east). ``extent_m`` is (x_min, y_min, x_max, y_max).
     ``dust_below_m``: height above ground below which the rotors raise dust that no LiDAR can see through.
+    ``wash``: whether the rotors move the plants below them.
     """
 
     name: str
@@ -28,6 +29,7 @@ class Scene:
     description: str
     regions: Mapping[str, Polygon]
     dust_below_m: float = 0.0
+    wash: bool = False
 
     @property
     def extent_m(self) -> tuple[float, float, float, float]:

@@ -10,18 +10,24 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from sitl.world.hits import MOVERS
 from sitl.world.layer_cast import cast_layers, top_layers
-from sitl.world.primitives import ROW_LENGTH, Box, Ground, Kind, Solid
+from sitl.world.plant_motion import QUANTUM_S, Sway, Wash, swept
+from sitl.world.primitives import ROW_LENGTH, Box, Ellipsoid, Ground, Kind, Solid
 from sitl.world.raycast import cast_rays
 from sitl.world.surface_layers import SurfaceLayers
 from sitl.world.tables import GridTable, GroundTable, LayerTable, MoverTable, SolidTable
 from sitl.world.topview import top_surface
 from sitl.world.water_waves import WaterState
+from sitl.world.wires import THIN_M, Wires
 
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
+I64 = NDArray[np.int64]
 
 _MARGIN_M = 1e-6
+Part = Box | Ellipsoid
+_Found = tuple[F64, U8, F64, I64]
 PUDDLE_M = 0.05
 """Standing water up to this depth is a puddle, which a vehicle can stand in."""
 
@@ -34,29 +40,38 @@ CAR = (
 
 @dataclass(frozen=True, slots=True)
 class Mover:
-    """Named movable object: its parts about its own origin, and its position and yaw."""
+    """Named movable object: its parts about its own origin, and its position and yaw.
+
+    An `Ellipsoid` among the parts must be round about the vertical: it has no yaw.
+    """
 
     name: str
-    parts: tuple[Box, ...]
+    parts: tuple[Part, ...]
     x_m: float
     y_m: float
     z_m: float
     yaw_rad: float
 
-    def placed(self) -> tuple[Box, ...]:
+    def placed(self) -> tuple[Part, ...]:
         """Return the parts in the world."""
         c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
         return tuple(
-            replace(
-                part,
-                x_m=self.x_m + c * part.x_m - s * part.y_m,
-                y_m=self.y_m + s * part.x_m + c * part.y_m,
-                z_m=self.z_m + part.z_m,
-                yaw_rad=self.yaw_rad + part.yaw_rad,
-                name=f"{self.name}-{part.name}",
+            _turned(
+                replace(
+                    part,
+                    x_m=self.x_m + c * part.x_m - s * part.y_m,
+                    y_m=self.y_m + s * part.x_m + c * part.y_m,
+                    z_m=self.z_m + part.z_m,
+                    name=f"{self.name}-{part.name}",
+                ),
+                self.yaw_rad,
             )
             for part in self.parts
         )
+
+
+def _turned(part: Part, yaw_rad: float) -> Part:
+    return replace(part, yaw_rad=part.yaw_rad + yaw_rad) if isinstance(part, Box) else part
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +81,8 @@ class Crossings:
     range_m, kind, cosine: of the first opaque surface, range NaN for none. water_m: range of the surface of
     standing water in front of it, NaN for none; an opaque ``Kind.WATER`` counts, its depth is inf. depth_m,
     bottom: depth of the water there, and material below it. leaf_m: (n, parts) range of the leaf that each
-    part of the beam meets, NaN where it passes. plant: kind of the leaf.
+    part of the beam meets, NaN where it passes. plant: kind of the leaf. hit: the opaque
+    surface, see ``hits``.
     """
 
     range_m: F64
@@ -77,6 +93,7 @@ class Crossings:
     bottom: U8
     leaf_m: F64
     plant: U8
+    hit: I64
 
     def of(self, rays: NDArray[np.bool_]) -> Crossings:
         """Return the crossings of some of the rays."""
@@ -101,11 +118,22 @@ class World:
         Standing water, plants and snow over the ground; None for none.
     water
         Wind and waves on all water.
+    sways
+        Swings of some of the solids, ellipsoids all, by their number. Beams with a time see such a crown
+        where it is; everything else sees all that it sweeps, which `solids` holds.
+
+    Attributes
+    ----------
+    wind_ms
+        Wind that the crowns swing in.
+    wash
+        Downwash on the plants; None for none.
 
     Raises
     ------
     ValueError
-        If a solid is partly outside the ground, or the cell is smaller than the distance of the posts.
+        If a solid is partly outside the ground, the cell is smaller than the distance of the posts, or
+        anything but an ellipsoid sways.
     """
 
     def __init__(
@@ -116,11 +144,18 @@ class World:
         *,
         layers: SurfaceLayers | None = None,
         water: WaterState | None = None,
+        sways: Mapping[int, Sway] = MappingProxyType({}),
     ) -> None:
         if cell_m < ground.post_m:
             raise ValueError(f"world: cell_m {cell_m} is smaller than post_m {ground.post_m}")
         self.ground = ground
-        self.solids = tuple(solids)
+        self._crowns = {k: (_crown(solids[k]), sway) for k, sway in sways.items()}
+        self.solids = tuple(
+            swept(*self._crowns[k]) if k in self._crowns else solid for k, solid in enumerate(solids)
+        )
+        self.wind_ms = 3.0
+        self.wash: Wash | None = None
+        self.wires = Wires(self.solids)
         self.layers = layers
         self.water = water or WaterState()
         self._movers: dict[str, Mover] = {}
@@ -155,7 +190,7 @@ class World:
         """Put a car on the ground at (x, y), its length along yaw (radians counter-clockwise from east)."""
         self.add_mover(name, CAR, x, y, yaw)
 
-    def add_mover(self, name: str, parts: Sequence[Box], x: float, y: float, yaw: float) -> None:
+    def add_mover(self, name: str, parts: Sequence[Part], x: float, y: float, yaw: float) -> None:
         """Put a movable object on the ground at (x, y).
 
         Raises
@@ -168,8 +203,8 @@ class World:
         self._movers[name] = Mover(name, tuple(parts), x, y, self._standing_m(name, x, y), yaw)
         self._place_movers()
 
-    def move(self, name: str, x: float, y: float, yaw: float) -> None:
-        """Move an object onto the fixed surface at (x, y).
+    def move(self, name: str, x: float, y: float, yaw: float, over_m: float = 0.0) -> None:
+        """Move an object onto the fixed surface at (x, y), or to a height over it.
 
         Raises
         ------
@@ -178,7 +213,7 @@ class World:
         ValueError
             If (x, y) is outside the world.
         """
-        z = self._standing_m(name, x, y)
+        z = self._standing_m(name, x, y) + over_m
         self._movers[name] = replace(self._movers[name], x_m=x, y_m=y, z_m=z, yaw_rad=yaw)
         self._place_movers()
 
@@ -186,6 +221,11 @@ class World:
         """Remove a mover from the world; KeyError if there is none of that name."""
         del self._movers[name]
         self._place_movers()
+
+    def mover_of(self, hit: int) -> str | None:
+        """Return the name of the mover that a code of ``hits`` stands for; None for anything else."""
+        parts = [mover.name for mover in self._movers.values() for _ in mover.parts]
+        return parts[hit - MOVERS] if 0 <= hit - MOVERS < len(parts) else None
 
     def height_m(self, x: float, y: float) -> float:
         """Return the height of the top surface at one place, NaN outside the world."""
@@ -257,13 +297,15 @@ class World:
         range_m, kind, _ = self.trace(origins_enu_m, directions_enu, max_range_m)
         return range_m, kind
 
-    def trace(self, origins_enu_m: F64, directions_enu: F64, max_range_m: float) -> tuple[F64, U8, F64]:
+    def trace(
+        self, origins_enu_m: F64, directions_enu: F64, max_range_m: float, *, thin_wires: bool = True
+    ) -> tuple[F64, U8, F64]:
         """Cast rays like ``cast`` and also return the cosine of each angle of incidence.
 
         Layers are opaque here: a ray ends at the tops of plants.
         """
         whole = np.zeros((len(origins_enu_m), 1))
-        c = self.cross(origins_enu_m, directions_enu, max_range_m, whole)
+        c = self.cross(origins_enu_m, directions_enu, max_range_m, whole, thin_wires=thin_wires)
         wet, leaf = np.isfinite(c.water_m), np.isfinite(c.leaf_m[:, 0])
         range_m = np.where(leaf, c.leaf_m[:, 0], np.where(wet, np.nan, c.range_m))
         kind = np.where(leaf, c.plant, np.where(wet, np.uint8(Kind.WATER), c.kind))
@@ -271,7 +313,14 @@ class World:
         return range_m, kind, np.where(leaf, slant, np.where(wet, 0.0, c.cosine))
 
     def cross(
-        self, origins_enu_m: F64, directions_enu: F64, max_range_m: float, leaf_depths: F64
+        self,
+        origins_enu_m: F64,
+        directions_enu: F64,
+        max_range_m: float,
+        leaf_depths: F64,
+        *,
+        thin_wires: bool = True,
+        time_s: F64 | None = None,
     ) -> Crossings:
         """Cast rays through water, plants and snow.
 
@@ -282,6 +331,10 @@ class World:
         leaf_depths
             (n, parts) optical depths at which each part of a beam meets a leaf: draws from the exponential
             distribution.
+        thin_wires
+            Whether `wires` are solids; not to beams, which see them by their share of a footprint.
+        time_s
+            (n,) times of beams, for plants that move; None for all that they sweep.
         """
         origins = np.ascontiguousarray(origins_enu_m, dtype=np.float64)
         directions = np.ascontiguousarray(directions_enu, dtype=np.float64)
@@ -289,9 +342,13 @@ class World:
             raise ValueError(f"cast: need two (n, 3) arrays, got {origins.shape} and {directions.shape}")
         count = len(origins)
         range_m, cosine, kind = np.empty(count), np.empty(count), np.empty(count, dtype=np.uint8)
+        hit, thin_m = np.empty(count, np.int64), -1.0 if thin_wires else THIN_M
         rays, limit = (origins, directions), float(max_range_m)
-        tables = (self._ground_table, self._solid_table, self._grid_table, self._mover_table)
-        cast_rays(*tables, *rays, limit, range_m, kind, cosine)
+        found = (range_m, kind, cosine, hit)
+        if time_s is None or not self._crowns:
+            self._cast(self._solid_table, rays, limit, thin_m, found)
+        else:
+            self._cast_swaying(time_s, rays, limit, thin_m, found)
         water_m, depth_m = np.full(count, np.nan), np.zeros(count)
         bottom, plant = np.zeros(count, np.uint8), np.zeros(count, np.uint8)
         leaf_m = np.full(leaf_depths.shape, np.nan)
@@ -299,9 +356,39 @@ class World:
             layers = (self._ground_table, self._layer_table)
             depths = np.ascontiguousarray(leaf_depths, dtype=np.float64)
             cast_layers(*layers, *rays, range_m, limit, depths, water_m, depth_m, bottom, leaf_m, plant)
+            if self.wash is not None and time_s is not None:
+                leaf_m = self.wash.pressed_m(leaf_m, range_m, origins, directions, time_s)
         opaque = (kind == Kind.WATER) & np.isnan(water_m)
         water_m[opaque], depth_m[opaque] = range_m[opaque], np.inf
-        return Crossings(range_m, kind, cosine, water_m, depth_m, bottom, leaf_m, plant)
+        return Crossings(range_m, kind, cosine, water_m, depth_m, bottom, leaf_m, plant, hit)
+
+    def _cast(
+        self, solids: SolidTable, rays: tuple[F64, F64], limit: float, thin_m: float, found: _Found
+    ) -> None:
+        tables = (self._ground_table, solids, self._grid_table, self._mover_table)
+        cast_rays(*tables, *rays, limit, thin_m, found[0], found[1], found[2], found[3])
+
+    def _cast_swaying(
+        self, time_s: F64, rays: tuple[F64, F64], limit: float, thin_m: float, found: _Found
+    ) -> None:
+        """Cast beams of one quantum of time after the other at the crowns' places."""
+        steps = np.floor(time_s / QUANTUM_S)
+        for step in np.unique(steps):
+            own = steps == step
+            part = (np.ascontiguousarray(rays[0][own]), np.ascontiguousarray(rays[1][own]))
+            range_m, kind, cosine, hit = found[0][own], found[1][own], found[2][own], found[3][own]
+            self._cast(
+                self._swayed((step + 0.5) * QUANTUM_S), part, limit, thin_m, (range_m, kind, cosine, hit)
+            )
+            found[0][own], found[1][own], found[2][own], found[3][own] = range_m, kind, cosine, hit
+
+    def _swayed(self, time_s: float) -> SolidTable:
+        shape, rows, kind = self._solid_table
+        rows = rows.copy()
+        for k, (crown, sway) in self._crowns.items():
+            rows[k] = crown.row()[1]
+            rows[k, :2] += sway.offset_m(time_s, self.wind_ms)
+        return shape, rows, kind
 
     def _surface(self, xs: F64, ys: F64, movers: MoverTable) -> tuple[F64, U8]:
         x, y = np.broadcast_arrays(np.asarray(xs, dtype=np.float64), np.asarray(ys, dtype=np.float64))
@@ -322,6 +409,12 @@ class World:
 
     def _place_movers(self) -> None:
         self._mover_table = _mover_table([p for m in self._movers.values() for p in m.placed()])
+
+
+def _crown(solid: Solid) -> Ellipsoid:
+    if not isinstance(solid, Ellipsoid):
+        raise ValueError(f"world: {solid.name!r} cannot sway, only an ellipsoid can")
+    return solid
 
 
 def _solid_table(solids: Sequence[Solid]) -> SolidTable:

@@ -42,13 +42,13 @@ log = logging.getLogger(__name__)
 SCENES = (
     *("stadium", "plain", "hill", "streets", "mountains", "dense", "dust_out"),
     *("lakes", "ponds", "river", "flooded_field", "car_park_dry", "car_park_wet", "flat_roofs", "maize"),
-    "snowfield",
+    *("snowfield", "power_line", "swaying_trees"),
 )
 TAKEOFF_M = {"dust_out": 40.0}
 """Take-off height by scene, where it is not 30 m: above the dust."""
 START_LIMIT_S = 180.0
 SETTLE_S = 3.0
-INTRUDERS = ("car", "jib", "walker", "runner", "dog", "cyclist", "passing_car")
+INTRUDERS = ("car", "jib", "walker", "runner", "dog", "cyclist", "passing_car", "ball")
 INTRUDER_BELOW_M = 200.0
 
 
