@@ -16,13 +16,13 @@ from companion.flight.landing.situation import (
     Situation,
     VehicleCommands,
 )
-from slz import MovingObject, PointState
+from slz import MovingObject
 
 SMALL_M = 0.7  # radius of the returns of what is waited for
-LEAST_HEIGHT_M = 2.5  # over the point, for a wait: lower, a vehicle over somebody's head climbs
+LEAST_HEIGHT_M = 3.0  # over the point, for a wait: lower, a vehicle over somebody's head climbs
 FREE_NS = SECOND  # nobody crosses, before the landing goes on
-GIVEN_BACK_NS = 3 * SECOND  # after somebody left, until which the map must show the point safe again
-LONGEST_NS = 15 * SECOND
+GIVEN_BACK_NS = 6 * SECOND  # after somebody left, until which the map must show point and way in safe again
+LONGEST_NS = 20 * SECOND
 MARGIN_S = 1.0  # of the time told to the pilot
 
 
@@ -75,9 +75,8 @@ class CrossingWait:
 
     def _crosser(self, s: Situation) -> MovingObject | None:
         aim, p = self._state.aim, self._state.parameters
-        judged_unsafe = aim.judgement(s.selected) is PointState.UNSAFE
         one = crossing(s, aim, p)
-        if one is None and (judged_unsafe or self.is_on):
+        if one is None and (self.is_on or self._state.why_not(s) is not None):
             one = on_the_point(s, aim, p)
         return one if one is not None and one.radius_m < SMALL_M else None
 
@@ -86,5 +85,4 @@ class CrossingWait:
         if s.now_ns - (self._since_ns or 0) > LONGEST_NS:
             return True
         free_ns = s.now_ns - self._crossed_ns
-        safe = self._state.aim.judgement(s.selected) is PointState.SAFE
-        return free_ns > GIVEN_BACK_NS or (safe and free_ns > FREE_NS)
+        return free_ns > GIVEN_BACK_NS or (free_ns > FREE_NS and self._state.why_not(s) is None)
