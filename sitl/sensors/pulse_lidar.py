@@ -123,6 +123,7 @@ class PulseLidar(ABC):
         # One stream per distribution, so that it is read in the same order however time is divided.
         self._normal, self._uniform = rng.spawn(2)
         self._leaf, self._glint = rng.spawn(2)
+        self._air_seed = int(rng.spawn(1)[0].integers(1 << 32))
         self._next = 0
         self._pending: Shots | None = None
         self._until_ns: int | None = None
@@ -221,10 +222,23 @@ class PulseLidar(ABC):
             seen = self.reach.detected(true_range, bright, normal[:, 3], uniform[:, 0], self.noise)
             measured = self._measured(true_range, seen, normal)
             echoes = false_returns(measured, seen, bright, uniform, self.noise)
-            return Shots(index, nominal, echoes, bright)
-        return self._through_layers(
+            return self._in_air(Shots(index, nominal, echoes, bright), rays, stamps_ns)
+        shots = self._through_layers(
             index, nominal, rays, np.asarray(stamps_ns * 1e-9, np.float64), normal, uniform, world
         )
+        return self._in_air(shots, rays, stamps_ns)
+
+    def _in_air(self, shots: Shots, rays: Rays, stamps_ns: I64) -> Shots:
+        """Return the shots with the returns of particles in the air, of the pulses that are traced."""
+        if self.noise.particles is None:
+            return shots
+        direction = np.zeros((len(shots), 3))
+        direction[slice(None) if rays.traced is None else rays.traced] = rays.direction
+        time_s = np.asarray(stamps_ns * 1e-9, np.float64)
+        echoes, bright = self.noise.particles.add(
+            shots.echoes, shots.bright, shots.index, direction, time_s, self._air_seed
+        )
+        return Shots(shots.index, shots.unit, echoes, bright)
 
     def _measured(self, true_range: F64, seen: Flags, normal: F64) -> F64:
         return np.where(seen, true_range + range_error(true_range, normal[:, 2], self.noise), 0.0)
