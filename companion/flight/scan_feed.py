@@ -15,7 +15,7 @@ from companion.flight.mapping.point_watch import PointWatch
 from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.runtime.clock import now_ns
 from companion.runtime.event import Event
-from slz import LocalFrame, Scan, without_specks
+from slz import LocalFrame, Scan, only_objects, without_specks
 
 log = logging.getLogger(__name__)
 
@@ -79,7 +79,7 @@ class ScanFeed:
         self._obstacles.add(scan)
         scan = without_specks(scan)
         if self._executive.mapping:  # rotor dust, lower down, is no intruder
-            self._watch.add(scan, at_ns)
+            self._watch.add(only_objects(scan), at_ns)
         self._add_scan(scan)
 
     def add_radar_scan(self, scan: Scan) -> None:

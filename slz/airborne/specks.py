@@ -31,6 +31,7 @@ REACH_M = 25.0  # specks are nearer: snow returns up to 20 or 25 m, dust and rai
 BRIGHT, BRIGHT_BONUS = 0.3, 1.0  # of a white target: few drops or grains send back as much
 SPREAD, MOST_SPREAD = 0.06, 0.12  # radius of the ball around a return, as a share of its range
 SPREAD_AT_HZ = 200_000  # pulses per second at which it is the least
+WIRE_M = 0.01  # thinnest object that must not be taken for a speck, in proportion to the ball's share
 MOST_WAITING = 4096  # undecided returns that are judged again
 
 Floats = NDArray[np.float64]
@@ -133,9 +134,9 @@ class SpeckDetector:
         self._judge_waiting(at, now_ns)
         bonus, counts = _bonus(scan), np.zeros((len(scan), 3))
         judge(
-            scan.points_enu_m, bonus, self._spread, REACH_M, at, self._stored, self._sensors, self._first,
-            self._rays, self._weights, self._starts, slots, self._clutter, self._air, self._certain, now_ns,
-            CERTAIN_NS, kinds, counts,
+            scan.points_enu_m, bonus, self._spread, self._wire_m, REACH_M, at, self._stored, self._sensors,
+            self._first, self._rays, self._weights, self._starts, slots, self._clutter, self._air,
+            self._certain, now_ns, CERTAIN_NS, kinds, counts,
         )  # fmt: skip
         self._keep_undecided(scan, kinds, bonus, counts)
         self.specks += int(np.count_nonzero(kinds == ReturnKind.SPECK))
@@ -168,6 +169,11 @@ class SpeckDetector:
         self._stored = min(SCANS, self._stored + 1)
         return at, slots
 
+    @property
+    def _wire_m(self) -> float:
+        """Diameter of the thinnest wire to keep: a slow sensor shows thicker ones only."""
+        return WIRE_M * self._spread / SPREAD
+
     def _measure_rate(self, rays: float, now_ns: int) -> None:
         """Follow the sensor's rate: a ball must hold rays enough, and no more than needed."""
         if not self._stored:
@@ -182,8 +188,8 @@ class SpeckDetector:
         waiting = self._waiting.some(now_ns - self._waiting.stamp_ns <= KEPT_NS)
         verdicts = np.empty(len(waiting.points), np.uint8)
         judge_again(
-            waiting.points, waiting.bonus, waiting.away_m, waiting.radius_m, self._sensors[at], self._first,
-            self._rays[at], self._weights[at], self._clutter[at], self._starts[at], self._air,
+            waiting.points, waiting.bonus, waiting.away_m, waiting.radius_m, self._wire_m, self._sensors[at],
+            self._first, self._rays[at], self._weights[at], self._clutter[at], self._starts[at], self._air,
             waiting.counts, verdicts,
         )  # fmt: skip
         self._waiting = waiting.some(verdicts != ReturnKind.SPECK)
@@ -204,6 +210,13 @@ def without_specks(scan: Scan) -> Scan:
     if scan.kinds is None or not (scan.kinds == ReturnKind.SPECK).any():
         return scan
     return scan.select(scan.kinds != ReturnKind.SPECK)
+
+
+def only_objects(scan: Scan) -> Scan:
+    """Return the objects' returns of a judged scan, and any other scan as it is."""
+    if scan.kinds is None or (scan.kinds == ReturnKind.OBJECT).all():
+        return scan
+    return scan.select(scan.kinds == ReturnKind.OBJECT)
 
 
 def _bonus(scan: Scan) -> Floats:

@@ -18,12 +18,11 @@ from slz.kernels.points.ray_image import (
 
 OBJECT, UNDECIDED, SPECK = 0, 1, 2
 LEAST_BALL_M, MOST_BALL_M = 0.06, 0.9  # bounds of the ball's radius
-WIRE_M = 0.01  # diameter of the thinnest object that must not be taken for a speck
 VOXEL_M = 0.3  # of places where an object is certain
 SLOTS = 1 << 16
 OPAQUE = 0.3  # share of the rays that end in a ball with an object that lets none pass
 PRIOR = 0.1  # returns of clutter before the ball that are assumed besides those seen
-DUSTY = 2.0  # most that the specks measured at a range weigh against a return there
+DUSTY = 2.5  # most that the specks measured at a range weigh against a return there
 SURE = 3.0  # log-likelihood ratio that decides: wrong in one of 20 at the most
 SHELLS, SHELL_M, FADES = 25, 1.0, 0.95  # of range, in which the density of specks is measured
 CERTAIN = 6.0  # from which the place counts as an object's for a while
@@ -36,7 +35,9 @@ def ball_m(away: float, spread: float) -> float:
 
 
 @kernel
-def likelihoods(counts: Array1D[np.float64], radius: float, bonus: float, rate: float) -> tuple[float, float]:
+def likelihoods(
+    counts: Array1D[np.float64], radius: float, wire_m: float, bonus: float, rate: float
+) -> tuple[float, float]:
     """Return the log-odds of a wire and of the likelier object against clutter (Poisson counts).
 
     An object's returns are those of a wire across the ball, or of a solid that fills it; clutter's as many as
@@ -47,6 +48,8 @@ def likelihoods(counts: Array1D[np.float64], radius: float, bonus: float, rate: 
     ----------
     counts, radius
         (3,) rays, and radius of the ball, m.
+    wire_m
+        Diameter of the thinnest object that must not be taken for a speck.
     bonus
         What the intensity adds.
     rate
@@ -58,7 +61,7 @@ def likelihoods(counts: Array1D[np.float64], radius: float, bonus: float, rate: 
     chord = radius * 4.0 / 3.0
     local = (before + PRIOR) / (REFERENCE * radius * (through + before))
     clutter = max(local, rate) * chord * through
-    wire, solid = through * 2.0 * WIRE_M / (math.pi * radius), through * OPAQUE
+    wire, solid = through * 2.0 * wire_m / (math.pi * radius), through * OPAQUE
     by_wire = hits * math.log1p(wire / clutter) - wire + bonus
     by_solid = hits * math.log1p(solid / clutter) - solid + bonus
     return by_wire, (max(by_wire, by_solid) if hits > 0 else 0.0)
@@ -117,6 +120,7 @@ def judge(
     points: ReadOnly2D[np.float64],
     bonus: ReadOnly1D[np.float64],
     spread: float,
+    wire_m: float,
     reach: float,
     newest: int,
     stored: int,
@@ -142,6 +146,8 @@ def judge(
         (n, 3) returns, and (n,) what their intensity adds to the log-likelihood ratio of an object.
     spread
         Radius of the ball around a return, as a share of its range.
+    wire_m
+        Diameter of the thinnest object that must not be taken for a speck.
     reach
         Range up to which returns are judged; farther ones count as objects.
     newest, stored
@@ -181,7 +187,7 @@ def judge(
                 east, north, up, radius, sensors[at], first, rays[at], weights[at], clutter[at], starts[at],
                 counts[i],
             )  # fmt: skip
-            wire, best = likelihoods(counts[i], radius, bonus[i], rate)
+            wire, best = likelihoods(counts[i], radius, wire_m, bonus[i], rate)
             found = _verdict(wire, best)
             if found != UNDECIDED:
                 break
@@ -204,6 +210,7 @@ def judge_again(
     bonus: Array1D[np.float64],
     away: Array1D[np.float64],
     radius: Array1D[np.float64],
+    wire_m: float,
     sensor: Strided1D[np.float64],
     first: Array1D[np.int64],
     rays: Array2D[np.float32],
@@ -220,7 +227,7 @@ def judge_again(
         count_in(
             east, north, up, radius[i], sensor, first, rays, weights, clutter, starts, counts[i]
         )  # fmt: skip
-        wire, best = likelihoods(counts[i], radius[i], bonus[i], _rate(air, away[i]))
+        wire, best = likelihoods(counts[i], radius[i], wire_m, bonus[i], _rate(air, away[i]))
         found = _verdict(wire, best)
         if found == UNDECIDED and wire - _dustiness(air, away[i]) <= -SURE:
             found = SPECK
