@@ -75,7 +75,7 @@ def fill_image(
     Parameters
     ----------
     points, every
-        (n, 3) returns, of which each `every`-th is stored and stands for the others.
+        (n, 3) returns; each `every`-th is stored and stands for the others.
     open_ends, open_every, open_weight
         (m, 3) points along rays without a return, how they are thinned, and the rays that each stands for.
     rays, weights, starts
@@ -174,8 +174,8 @@ def count_in(
 ) -> None:
     """Add the rays of a scan that ended in a ball, reached it, and ended in the reference length before it.
 
-    `clutter` are the weights of those that may have ended in a speck, zero for the others: what is solid
-    before the ball does not tell how dense the air is.
+    `clutter` holds the weights of rays that may have ended in a speck and zero for all others: a solid object
+    before the ball must not count as dense air.
     A ray that ends at the ball's centre exactly is the one whose return is judged, and does not count.
     """
     x, y, z = east - sensor[0], north - sensor[1], up - sensor[2]
