@@ -16,6 +16,7 @@ from sitl.lockstep import LockstepServer
 from sitl.pace import Pace
 from sitl.sensors import lidars
 from sitl.sensors.lidar_port import Address
+from sitl.sensors.particles import AIR
 from sitl.signals import Ended, Signals
 from sitl.simulation import DEFAULT_ORIGIN, Simulation
 from sitl.truth import gear_options, truth
@@ -84,6 +85,8 @@ def _whole_vehicle(options: argparse.Namespace) -> Callable[[Signals], int]:
 def _lidar_alone(options: argparse.Namespace) -> Callable[[Signals], int]:
     origin = None if options.origin is None else _origin(options.origin)
     attached = attach.build(options, origin, _lidar_to(options))
+    if options.air != "clear" and attached.lidar is not None:
+        lidars.fill_air(attached.lidar, options.air)
     return lambda signals: attach.follow(attached, options, signals)
 
 
@@ -156,6 +159,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument(
         "--dual", action="store_true", help="two returns of a pulse, by " + ", ".join(sorted(lidars.DUAL))
     )
+    parser.add_argument("--air", default="clear", choices=tuple(AIR), help="what floats in the air")
     parser.add_argument("--point-rate", type=float, default=200_000.0, help="LiDAR points per second")
     parser.add_argument(
         "--mavlink", action="append", metavar="URL", help="repeatable; tcpin:, udpin:, udpout: or a device"
@@ -258,6 +262,8 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         radar_to=None if options.radar_to is None else _address(options.radar_to, "--radar-to"),
     )
     simulation.intruders = coming
+    if options.air != "clear" and simulation.lidar is not None:
+        simulation.fill_air(options.air)
     simulation.rotor = Rotor(options.rotor_diameter / 2, options.rotor_height)
     simulation.log.gear, simulation.log.tip_limit_deg = gear_options.chosen(options), options.tip_limit
     try:

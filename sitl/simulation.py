@@ -199,6 +199,12 @@ class Simulation:
             self.advance()
         return self
 
+    def fill_air(self, air: str) -> None:
+        """Let the LiDAR see the particles of some air, see `lidars.fill_air`."""
+        if self.lidar is not None:
+            lidars.fill_air(self.lidar, air)
+            self._clear = self._sight()
+
     def _deliver(self, message: Any, link: int) -> None:
         self.autopilot.receive(message, link, self.now_ns)
 

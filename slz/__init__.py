@@ -1,6 +1,7 @@
 """Safe landing zones from LiDAR: windows of returns in, zones and landing points out."""
 
 from slz.adaptive import Choice
+from slz.airborne.specks import ReturnKind, SpeckDetector, only_objects, without_specks
 from slz.frame import LocalFrame
 from slz.grid import Box, Grid
 from slz.landing_point.corridors import Corridors
@@ -42,8 +43,10 @@ __all__ = [
     "PointAttributes",
     "PointState",
     "Report",
+    "ReturnKind",
     "Scan",
     "SelectedPoint",
+    "SpeckDetector",
     "SurfaceHere",
     "SurfaceKind",
     "Surroundings",
@@ -52,5 +55,7 @@ __all__ = [
     "Windower",
     "Zone",
     "join",
+    "only_objects",
+    "without_specks",
     "zone_mask",
 ]

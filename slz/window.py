@@ -98,7 +98,9 @@ class Scan:
 
     points_enu_m : (n, 3) float64, in `frame`. stamp_ns : (n,) int64, the clock of the vehicle computer,
     not decreasing. sensor_enu_m : (3,) float64, sensor position at the last stamp, NaN where unknown.
-    attributes : of the n returns, None where the source gives none.
+    attributes : of the n returns, None where the source gives none. open_enu_m : (m, 3) float64, points along
+    rays in any direction that gave no return, None where the source does not report them; each stands for
+    `open_weight` rays. kinds : (n,) uint8, `slz.airborne.specks.ReturnKind` of each, None if not judged.
     """
 
     points_enu_m: NDArray[np.float64]
@@ -106,6 +108,9 @@ class Scan:
     sensor_enu_m: NDArray[np.float64]
     frame: LocalFrame
     attributes: PointAttributes | None = field(default=None, kw_only=True)
+    open_enu_m: NDArray[np.float64] | None = field(default=None, kw_only=True)
+    open_weight: float = field(default=1.0, kw_only=True)
+    kinds: NDArray[np.uint8] | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         n = len(self.stamp_ns)
@@ -117,6 +122,15 @@ class Scan:
             raise ValueError(f"sensor position must be (3,), not {_form(self.sensor_enu_m)}")
         if self.attributes is not None and len(self.attributes) != n:
             raise ValueError(f"attributes must be of the {n} points, not of {len(self.attributes)}")
+
+    def select(self, which: NDArray[np.bool_]) -> Scan:
+        """Return a scan of some of the returns, in their order."""
+        points, stamps = self.points_enu_m[which], self.stamp_ns[which]
+        for array in (points, stamps):
+            array.setflags(write=False)
+        attributes = None if self.attributes is None else self.attributes.select(which)
+        kinds = None if self.kinds is None else self.kinds[which]
+        return replace(self, points_enu_m=points, stamp_ns=stamps, attributes=attributes, kinds=kinds)
 
     def __len__(self) -> int:
         return len(self.stamp_ns)

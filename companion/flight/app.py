@@ -50,7 +50,7 @@ from companion.runtime.named_tasks import Stopped, run_together
 from companion.runtime.ring_buffer import RingBuffer
 from companion.runtime.state_directory import StateDir
 from params import Parameters
-from slz import Report, TerrainMaps
+from slz import Report, SpeckDetector, TerrainMaps
 
 if TYPE_CHECKING:
     from companion.flight.dashboard.page import Page, PageEndpoint
@@ -118,7 +118,8 @@ class Companion:
         self.wind.follow(self.link)
         self.executive = Executive(parameters, auto)
         self.fitness = Fitness(auto)
-        self.obstacles = RecentObstacles()
+        self.specks = SpeckDetector()
+        self.obstacles = RecentObstacles(self.specks)
         self.watch = PointWatch(math.radians(parameters.angle_noise_deg))
         self._reports = ReportFeed(
             self.link, self.executive,
@@ -131,7 +132,7 @@ class Companion:
             self.link, self.history, self.worker, self.executive, self.obstacles, self.watch,
             lambda: self.assembler.scans, lambda: (self.recordings.recorder, self.live),
         )  # fmt: skip
-        self.assembler = ScanAssembler(parameters, self.history, self.feed.add_lidar_scan)
+        self.assembler = ScanAssembler(parameters, self.history, self.feed.add_lidar_scan, self.specks)
         wall_offset_ns = WallOffset()
         self.lidar: Lidar = open_lidar(
             lidar_url, parameters, self.assembler.add, self.link, wall_offset_ns=wall_offset_ns

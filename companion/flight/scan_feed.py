@@ -15,7 +15,7 @@ from companion.flight.mapping.point_watch import PointWatch
 from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.runtime.clock import now_ns
 from companion.runtime.event import Event
-from slz import LocalFrame, MovingObject, Scan
+from slz import LocalFrame, MovingObject, Scan, only_objects, without_specks
 
 log = logging.getLogger(__name__)
 
@@ -69,7 +69,7 @@ class ScanFeed:
         self._scan_epoch = self._map_epoch = history.epoch
 
     def add_lidar_scan(self, scan: Scan) -> None:
-        """Take a scan of the LiDAR."""
+        """Take a scan of the LiDAR; specks are neither obstacles, intruders nor ground."""
         if self._history.epoch != self._scan_epoch:
             self._scan_epoch = self._history.epoch
             self.follow_jumps()
@@ -80,8 +80,9 @@ class ScanFeed:
             if display is not None and (pose := self._history.latest(at_ns)) is not None:
                 display.pose(pose, scan.frame)
         self._obstacles.add(scan)
+        scan = without_specks(scan)
         if self._executive.mapping:  # rotor dust, lower down, is no intruder
-            self._watch.add(scan, at_ns)
+            self._watch.add(only_objects(scan), at_ns)
             for display in self._displays():
                 if display is not None:
                     display.moving(self._watch.moving(at_ns))
@@ -114,7 +115,7 @@ class ScanFeed:
 
     def _add_scan(self, scan: Scan) -> None:
         """Map a scan, if this is the time for it."""
-        if not self._link.ready:
+        if not self._link.ready or not len(scan):
             return  # a window would wait for the warm-up, and be late
         if self._executive.mapping and not self._stands_after_flight():
             self._worker.add_scan(scan, self._scan_count())

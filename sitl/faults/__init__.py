@@ -56,6 +56,8 @@ _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "wind_missing": lambda rng: wind_faults.WindMissing(),
     "wind_absurd": lambda rng: wind_faults.WindAbsurd(),
     "lidar_rain": lambda rng: lidar_faults.Weather(*lidar_faults.RAIN),
+    "lidar_plumes": lambda rng: lidar_faults.Weather(None, lidar_faults.PLUMES),
+    "lidar_snow": lambda rng: lidar_faults.Weather(None, lidar_faults.SNOW),
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
 

@@ -15,6 +15,7 @@ from sitl.sensors.lidar_mount import Mount
 from sitl.sensors.lidar_port import Sensor, UdpPort
 from sitl.sensors.livox_packets import CARTESIAN_32, HEADER, HEADER_BYTES
 from sitl.sensors.optics import Noise, Reach
+from sitl.sensors.particles import AIR
 from sitl.sensors.pulse_lidar import PoseAt, PulseLidar
 from sitl.sensors.sensor_clock import Clock
 from sitl.world.world import World
@@ -28,6 +29,10 @@ DUST = Reach(0.1, 3.0, 1.5, 2.5), Noise(dust=0.3)
 """Cloud around the vehicle: no view beyond three metres, and echoes of the dust itself."""
 RAIN = Reach(0.1, 60.0, 20.0, 45.0), Noise(range_sigma_m=0.03, dropout=0.3, dust=0.02)
 """Heavy rain: three of ten pulses are lost, one of fifty ends in a drop a few metres ahead."""
+PLUMES = Noise(particles=AIR["dense_dust"])
+"""Dust of the rotors in plumes: one pulse of twenty ends in it, weakly, within eight metres."""
+SNOW = Noise(particles=AIR["snow"])
+"""Heavy snow: one pulse of ten ends in a flake, up to 25 metres away."""
 TILT_DEG = 5.0
 STEP_NS = 5_000_000_000
 STUCK_PACKETS = 24
@@ -164,16 +169,17 @@ class Misalignment(Fault):
 
 
 class Weather(Fault):
-    """Weather that limits the sensor's range and adds noise."""
+    """Weather that adds noise and limits the sensor's range, None for not."""
 
-    def __init__(self, reach: Reach, noise: Noise) -> None:
+    def __init__(self, reach: Reach | None, noise: Noise) -> None:
         self._weather = reach, noise
         self._before: tuple[Reach, Noise] | None = None
 
     def start(self, simulation: Simulation) -> None:
         sensor = _pulsed(simulation)
         self._before = sensor.reach, sensor.noise
-        sensor.reach, sensor.noise = self._weather
+        reach, sensor.noise = self._weather
+        sensor.reach = reach or sensor.reach
 
     def stop(self, simulation: Simulation) -> None:
         sensor = _pulsed(simulation)

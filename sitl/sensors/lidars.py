@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from sitl.sensors.flash.flash_sensor import FlashSensor
@@ -9,6 +11,8 @@ from sitl.sensors.lidar_port import PTY, Address, LidarPort, Sensor, SerialPort,
 from sitl.sensors.mid360 import Mid360
 from sitl.sensors.opal import Opal
 from sitl.sensors.ouster_os1 import OS0, OS1, Ouster
+from sitl.sensors.particles import AIR
+from sitl.sensors.pulse_lidar import PulseLidar
 from sitl.sensors.radar.radar_sensor import RadarSensor
 from sitl.sensors.sf45 import Sf45
 from sitl.sensors.velodyne_packets import ReturnMode
@@ -69,6 +73,22 @@ def open_port(
     if isinstance(to, str):
         return SerialPort(Sf45(rng), to)
     return UdpPort(_build(name, rng, point_rate_hz, dual), to)
+
+
+def fill_air(port: LidarPort, air: str) -> None:
+    """Let a LiDAR that fires pulses see the particles of some air, one of `AIR`.
+
+    Raises
+    ------
+    ValueError
+        It fires none, or the air is unknown.
+    """
+    if air not in AIR:
+        raise ValueError(f"air {air!r}: there are {', '.join(AIR)}")
+    sensor = port.sensor
+    if not isinstance(sensor, PulseLidar):
+        raise ValueError("air: only a LiDAR that fires pulses sees particles")
+    sensor.noise = replace(sensor.noise, particles=AIR[air])
 
 
 def _build(name: str, rng: np.random.Generator, point_rate_hz: int, dual: bool) -> Sensor:

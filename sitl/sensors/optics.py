@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sitl.sensors.particles import Particles
+
 F64 = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
@@ -25,6 +27,8 @@ class Noise:
     dust: float = 1e-4
     tagged: float = 0.7
     """Share of ghosts and dust that the sensor marks, if it marks any."""
+    particles: Particles | None = None
+    """Plumes of dust, rain or snow beside the even, bright specks of `dust`."""
 
     @classmethod
     def none(cls) -> Noise:

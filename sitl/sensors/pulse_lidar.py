@@ -150,6 +150,7 @@ class PulseLidar(ABC):
         # One stream per distribution, so that it is read in the same order however time is divided.
         self._normal, self._uniform = rng.spawn(2)
         self._leaf, self._glint = rng.spawn(2)
+        self._air_seed = int(rng.spawn(1)[0].integers(1 << 32))
         self._next = 0
         self._pending: Shots | None = None
         self._until_ns: int | None = None
@@ -261,7 +262,8 @@ class PulseLidar(ABC):
         if own is None:  # no pulse met a layer or a wire
             measured = self._measured(true_range, seen, normal)
             echoes = false_returns(measured, seen, bright, uniform, self.noise)
-            return Shots(index, nominal, echoes, bright, hits.falsified(echoes))
+            shots = Shots(index, nominal, echoes, bright, hits.falsified(echoes))
+            return self._in_air(shots, rays, time_s)
         at = (np.arange(index.size) if rays.traced is None else np.flatnonzero(rays.traced))[own]
         met = beam_echoes(
             c.of(own),
@@ -287,7 +289,19 @@ class PulseLidar(ABC):
         measured = self._measured(true_range, seen, normal)
         both = false_returns(measured, seen, bright, uniform, self.noise)
         self._add_second(both, found, at, normal[at, 2])
-        return Shots(index, nominal, both, bright, hits.falsified(both))
+        shots = Shots(index, nominal, both, bright, hits.falsified(both))
+        return self._in_air(shots, rays, time_s)
+
+    def _in_air(self, shots: Shots, rays: Rays, time_s: F64) -> Shots:
+        """Return the shots with the returns of particles in the air, of the pulses that are traced."""
+        if self.noise.particles is None:
+            return shots
+        direction = np.zeros((len(shots), 3))
+        direction[slice(None) if rays.traced is None else rays.traced] = rays.direction
+        echoes, bright = self.noise.particles.add(
+            shots.echoes, shots.bright, shots.index, direction, time_s, self._air_seed
+        )
+        return Shots(shots.index, shots.unit, echoes, bright, shots.hits.falsified(echoes))
 
     def _measured(self, true_range: F64, seen: Flags, normal: F64) -> F64:
         return np.where(seen, true_range + range_error(true_range, normal[:, 2], self.noise), 0.0)

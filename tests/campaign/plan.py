@@ -16,7 +16,7 @@ CELLS: tuple[tuple[str, Phase], ...] = tuple((fault, state) for fault in FAULTS 
 SCENES = ("landing_site", "landing_site", "streets", "buildings", "plain")
 # How long after a state is told the fault begins, at most: as long as the state usually lasts.
 LATEST_S = {Phase.SURVEY: 2.0, Phase.APPROACH: 4.0, Phase.DESCEND: 2.0, Phase.FINAL: 6.5, Phase.CLIMB: 2.0}
-STRIDE = 37  # shares no factor with the number of cells: neighbours in number are different faults
+STRIDE = 41  # shares no factor with the number of cells: neighbours in number are different faults
 LASTS_S = (4.0, 16.0)
 # A hand on the stick is short; the filter gives its position up 7.4 s after the last fix.
 OTHERS_LAST_S = {"pilot_stick": (3.0, 6.0), "gps_loss": (5.0, 20.0)}

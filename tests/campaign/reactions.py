@@ -219,6 +219,8 @@ TABLE: dict[str, Row] = {
     "lidar_misaligned": _always(lands_or_calls),
     "lidar_dust": _always(lands_or_calls),
     "lidar_rain": _always(lands_or_calls),
+    "lidar_plumes": _always(lands_or_calls),
+    "lidar_snow": _always(lands_or_calls),
     "wind_missing": _always(goes_on),
     "wind_absurd": _always(goes_on),
     "slow_computer": _always(lands_or_calls),

@@ -15,7 +15,17 @@ from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.sensors.returns import Returns
 from params import Parameters
-from slz import LocalFrame, Pipeline, Report, Scan, TerrainMaps, Window, Windower
+from slz import (
+    LocalFrame,
+    Pipeline,
+    Report,
+    Scan,
+    SpeckDetector,
+    TerrainMaps,
+    Window,
+    Windower,
+    without_specks,
+)
 
 log = logging.getLogger(__name__)
 
@@ -65,7 +75,7 @@ class Rerun:
     def __init__(self, parameters: Parameters, frame: LocalFrame | None = None) -> None:
         self.parameters = parameters
         self.history = PoseHistory(parameters, frame)
-        self.assembler = ScanAssembler(parameters, self.history, self._on_scan)
+        self.assembler = ScanAssembler(parameters, self.history, self._on_scan, SpeckDetector())
         self.outcome = ReplayOutcome()
         self.report: Report | None = None
         self.standing = False
@@ -142,7 +152,7 @@ class Rerun:
             return
         self.standing_scans += self.standing
         if self._mapping and not self.standing:
-            self._process(self._windower.add(scan))
+            self._process(self._windower.add(without_specks(scan)))
 
     def _process(self, window: Window | None) -> None:
         if window is None:

@@ -20,7 +20,7 @@ from companion.flight.mapping.window_event import WindowEvent
 from companion.flight.recorder import journal
 from companion.flight.sensors.returns import Returns
 from params import Parameters
-from slz import LocalFrame, Pipeline, Report, Scan, TerrainMaps
+from slz import LocalFrame, Pipeline, Report, Scan, SpeckDetector, TerrainMaps, without_specks
 from slz.window import join
 
 log = logging.getLogger(__name__)
@@ -74,7 +74,7 @@ class Replay:
     def __init__(self, header: Header, parameters: Parameters) -> None:
         self.parameters = parameters
         self._sensors = RecordedSensors(header, parameters, self._on_returns)
-        self._assembler = ScanAssembler(parameters, self._sensors.history, self._on_scan)
+        self._assembler = ScanAssembler(parameters, self._sensors.history, self._on_scan, SpeckDetector())
         self._pipeline = Pipeline(parameters)
         self._scans: deque[tuple[int, Scan]] = deque(maxlen=MOST_SCANS)
         self._before = header.scans
@@ -121,7 +121,8 @@ class Replay:
         self._assembler.add(returns)
 
     def _on_scan(self, scan: Scan) -> None:
-        self._scans.append((self._before + self._assembler.scans, scan))
+        if len(scan := without_specks(scan)):
+            self._scans.append((self._before + self._assembler.scans, scan))
 
     def _window(self, event: WindowEvent, mapping: bool) -> Report | None:
         if event.anew:

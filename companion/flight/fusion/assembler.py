@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 
 from companion.flight.fusion.georeference import Georeferencer
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.fusion.vehicle_and_dust_filter import VehicleAndDustFilter
 from companion.flight.sensors.returns import Returns, join
 from params import Parameters
-from slz import Scan
+from slz import Scan, SpeckDetector
 
 SPAN_NS = 50_000_000
 # Limit of buffered returns and lost rays, some seconds of a fast sensor: bounds memory whatever stamps say.
@@ -31,6 +32,8 @@ class ScanAssembler:
         Poses of the vehicle.
     on_scan
         Called with every scan, in order.
+    specks
+        Judge of each return, None to judge none.
 
     Attributes
     ----------
@@ -40,10 +43,17 @@ class ScanAssembler:
         Scans emitted.
     """
 
-    def __init__(self, parameters: Parameters, history: PoseHistory, on_scan: Callable[[Scan], None]) -> None:
+    def __init__(
+        self,
+        parameters: Parameters,
+        history: PoseHistory,
+        on_scan: Callable[[Scan], None],
+        specks: SpeckDetector | None = None,
+    ) -> None:
         self._patience_ns = round(parameters.pose_timeout_s * 1e9)
         self._history = history
         self._on_scan = on_scan
+        self._specks, self._epoch = specks, history.epoch
         self._georeferencer = Georeferencer(parameters)
         self._filter = VehicleAndDustFilter(parameters)
         self._waiting: deque[tuple[int, Returns]] = deque()  # with the newest stamp of each batch
@@ -72,6 +82,7 @@ class ScanAssembler:
             "pitched": self._georeferencer.pitched,
             "vehicle": self._filter.vehicle,
             "dust": self._filter.dust,
+            "specks": 0 if self._specks is None else self._specks.specks,
         }
 
     def _place_bracketed(self) -> None:
@@ -94,7 +105,16 @@ class ScanAssembler:
         self._gathered = []
         if scan is not None:
             self.scans += 1
-            self._on_scan(scan)
+            self._on_scan(self._judged(scan))
+
+    def _judged(self, scan: Scan) -> Scan:
+        """Return a scan with the kinds of its returns, by rays since the last jump of the position."""
+        if self._specks is None:
+            return scan
+        if self._history.epoch != self._epoch:
+            self._epoch = self._history.epoch
+            self._specks.forget()
+        return replace(scan, kinds=self._specks.classify(scan))
 
     def _drop_stale(self, newest_ns: int) -> None:
         """Drop batches that waited too long or were stamped before the sensor's clock was set back."""

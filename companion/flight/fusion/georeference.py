@@ -72,41 +72,27 @@ class Georeferencer:
             points, stamps, number = points[order], stamps[order], number[order]
         pose = history.interpolate(stamps[-1:])
         sensor = pose.position_enu_m[0] + pose.rotation_enu_from_frd[0] @ self._mount.lever_frd_m
-        for array in (points, stamps, sensor):
+        ends, origins = self._place_lost(returns, history)
+        for array in (points, stamps, sensor, ends):
             array.setflags(write=False)
         return Scan(
             points_enu_m=points,
             stamp_ns=stamps,
             sensor_enu_m=sensor,
             frame=history.frame,
-            attributes=self._attributes(returns, number, history),
+            attributes=_attributes(returns, number, ends, origins),
+            open_enu_m=ends,
+            open_weight=returns.lost_weight,
         )
 
-    def _attributes(
-        self, returns: Returns, number: NDArray[np.int64], history: PoseHistory
-    ) -> PointAttributes | None:
-        """Return the attributes of the placed returns, None if the sensor gives none."""
-        lost = self._place_lost(returns, history)
-        if not len(lost[0]) and not returns.has_attributes:
-            return None
-        intensity = np.asarray(returns.intensity / np.float32(returns.white), np.float32)
-        echo, echoes = returns.echo, returns.echoes
-        if len(number) < len(returns) or (number[1:] < number[:-1]).any():
-            intensity, echo, echoes = intensity[number], echo[number], echoes[number]
-        return PointAttributes.of(intensity, echo, echoes, *lost)
-
-    def _place_lost(
-        self, returns: Returns, history: PoseHistory
-    ) -> tuple[Floats, Floats, NDArray[np.float32]]:
-        """Return ends (m, 3), origins (m, 3) and weights (m,) of the lost rays below the horizon."""
+    def _place_lost(self, returns: Returns, history: PoseHistory) -> tuple[Floats, Floats]:
+        """Return ends (m, 3) and origins (m, 3) of the lost rays."""
         if not len(returns.lost_ns):
-            return np.empty((0, 3)), np.empty((0, 3)), np.empty(0, np.float32)
+            return np.empty((0, 3)), np.empty((0, 3))
         ends, number = self._place_rays(returns.lost * np.float32(LOST_M), returns.lost_ns, history)
         stamps = returns.lost_ns[number]
         origins, _ = self._place_rays(np.zeros((len(stamps), 3), np.float32), stamps, history)
-        down = ends[:, 2] - origins[:, 2] <= _MOST_UP_M
-        ends, origins = ends[down], origins[down]
-        return ends, origins, np.full(len(ends), returns.lost_weight, np.float32)
+        return ends, origins
 
     def _place_rays(
         self, xyz_m: NDArray[np.float32], stamp_ns: NDArray[np.int64], history: PoseHistory
@@ -134,3 +120,18 @@ class Georeferencer:
         rotation = history.interpolate(np.unique(returns.stamp_ns)).rotation_enu_from_frd
         ahead = rotation @ self._mount.rotation_frd_from_sensor[:, 0]
         return not (np.abs(ahead[:, 2]) <= np.sin(returns.most_pitch_rad)).all()  # True for NaN: no pose
+
+
+def _attributes(
+    returns: Returns, number: NDArray[np.int64], ends: Floats, origins: Floats
+) -> PointAttributes | None:
+    """Return the attributes of the placed returns and the lost rays below the horizon, None for none."""
+    down = ends[:, 2] - origins[:, 2] <= _MOST_UP_M
+    if not down.any() and not returns.has_attributes:
+        return None
+    intensity = np.asarray(returns.intensity / np.float32(returns.white), np.float32)
+    echo, echoes = returns.echo, returns.echoes
+    if len(number) < len(returns) or (number[1:] < number[:-1]).any():
+        intensity, echo, echoes = intensity[number], echo[number], echoes[number]
+    weights = np.full(int(np.count_nonzero(down)), returns.lost_weight, np.float32)
+    return PointAttributes.of(intensity, echo, echoes, ends[down], origins[down], weights)

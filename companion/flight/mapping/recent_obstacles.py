@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from companion.flight.geometry.axes import PoseLike, enu_from_level
 from companion.flight.mapping.obstacle_ring import heights_below, levelled
-from slz import Scan
+from slz import ReturnKind, Scan, SpeckDetector
+from slz.airborne.specks import MOST_WAITING
 
 Floats = NDArray[np.float64]
 
@@ -20,10 +21,11 @@ THIN = 7  # keeps one return in 7: coprime to the number of lasers, so that ever
 
 
 class RecentObstacles:
-    """Thinned returns of the last seconds in the map frame, which the map does not show yet.
+    """Returns of the last seconds in the map frame, which the map does not show yet, without specks.
 
-    A window becomes a map a second or two after it was seen. Memory and time are bounded by a ring buffer of
-    `CAPACITY` returns, read by kernels.
+    A window becomes a map a second or two after it was seen. Returns of objects are thinned; memory and time
+    are bounded by a ring buffer of `CAPACITY` returns, read by kernels. Undecided returns are those that
+    `specks` has now, and are not thinned, since a wire may have no other.
 
     Attributes
     ----------
@@ -31,32 +33,38 @@ class RecentObstacles:
         Stamp of the newest return, None before the first.
     """
 
-    def __init__(self, keep_s: float = 2.0, thin: int = THIN) -> None:
+    def __init__(self, specks: SpeckDetector | None = None, *, keep_s: float = 2.0, thin: int = THIN) -> None:
+        self._specks = specks or SpeckDetector()
         self._keep_ns = round(keep_s * 1e9)
         self._thin, self._skip = thin, 0
         self._points = np.zeros((CAPACITY, 3))
         self._stamps = np.full(CAPACITY, np.iinfo(np.int64).min // 2)
         self._next = 0
-        self._out = np.empty((CAPACITY, 3))
+        self._out = np.empty((CAPACITY + MOST_WAITING, 3))
         self.newest_ns: int | None = None
 
     def add(self, scan: Scan) -> None:
-        """Add the returns of a scan."""
+        """Add the returns of objects in a scan; one of specks alone is a sign of life."""
         if not len(scan):
             return
+        self.newest_ns = int(scan.stamp_ns[-1])
+        points, stamps = scan.points_enu_m, scan.stamp_ns
+        if scan.kinds is not None:
+            of_object = scan.kinds == ReturnKind.OBJECT
+            points, stamps = points[of_object], stamps[of_object]
         some = slice(self._skip, None, self._thin)
-        self._skip = (self._skip - len(scan)) % self._thin
-        points, stamps = scan.points_enu_m[some], scan.stamp_ns[some]
+        self._skip = (self._skip - len(points)) % self._thin
+        points, stamps = points[some], stamps[some]
         while len(points):
             room = CAPACITY - self._next
             self._points[self._next : self._next + len(points)] = points[:room]
             self._stamps[self._next : self._next + len(points)] = stamps[:room]
             self._next = (self._next + min(room, len(points))) % CAPACITY
             points, stamps = points[room:], stamps[room:]
-        self.newest_ns = int(scan.stamp_ns[-1])
 
     def forget(self) -> None:
         """Drop all returns: the position estimate moved."""
+        self._specks.forget()
         self._stamps[:] = np.iinfo(np.int64).min // 2
         self.newest_ns = None
 
@@ -67,7 +75,10 @@ class RecentObstacles:
         """
         oldest = now_ns - self._keep_ns
         axes = np.ascontiguousarray(enu_from_level(pose))
-        n = levelled(self._points, self._stamps, oldest, pose.position_enu_m, axes, self._out)
+        n = 0
+        undecided = self._specks.waiting_enu_m, self._specks.waiting_ns
+        for points, stamps in (undecided, (self._points, self._stamps)):
+            n += levelled(points, stamps, oldest, pose.position_enu_m, axes, self._out[n:])
         return self._out[:n]
 
     def ground_below_m(self, position_enu_m: Floats, now_ns: int) -> float:

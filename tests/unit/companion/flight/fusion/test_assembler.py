@@ -9,7 +9,7 @@ from companion.flight.fusion.assembler import ScanAssembler
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.sensors.returns import Returns
 from params import Parameters
-from slz import Scan
+from slz import ReturnKind, Scan, SpeckDetector
 from tests.unit.companion.flight.fusion.flights import HOME, MS, Flight, returns_of
 
 P = Parameters()
@@ -121,3 +121,16 @@ def test_waiting_returns_are_bounded(rig: Rig) -> None:
 def test_an_empty_batch_is_nothing(rig: Rig) -> None:
     rig.assembler.add(returns_of(np.zeros((0, 3)), np.zeros(0, np.int64)))
     assert not rig.scans
+
+
+def test_each_return_is_judged_where_somebody_judges(rig: Rig) -> None:
+    judging = ScanAssembler(P, rig.history, rig.scans.append, SpeckDetector())
+    rig.pose(*range(0, 400, 20))
+    for start in range(0, 300, BATCH):
+        rig.batch(start)
+        judging.add(rig.returns(start))
+    plain = [scan for scan in rig.scans if scan.kinds is None]
+    judged = [scan.kinds for scan in rig.scans if scan.kinds is not None]
+    assert len(plain) == len(judged) > 2
+    assert set(np.concatenate(judged)) <= {ReturnKind.OBJECT, ReturnKind.UNDECIDED}
+    assert judging.statistics()["specks"] == 0
