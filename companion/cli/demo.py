@@ -22,7 +22,8 @@ def demo(
         str,
         typer.Option(
             help="stadium, plain, hill, streets, mountains, dense, dust_out; of water, roofs and plants: "
-            "lakes, ponds, river, flooded_field, car_park_dry, car_park_wet, flat_roofs, maize, snowfield."
+            "lakes, ponds, river, flooded_field, car_park_dry, car_park_wet, flat_roofs, maize, snowfield; "
+            "of wires: power_line."
         ),
     ] = "stadium",
     sensor: Annotated[

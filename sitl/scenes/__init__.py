@@ -18,6 +18,7 @@ from sitl.scenes import (
     stadium,
     streets,
 )
+from sitl.scenes.lines import power_line
 from sitl.scenes.scene import Polygon, Scene
 from sitl.scenes.water import flooded_field, lakes, ponds, river
 
@@ -43,6 +44,7 @@ _BUILDERS = {
     "flat_roofs": flat_roofs.build,
     "maize": maize.build,
     "snowfield": snowfield.build,
+    "power_line": power_line.build,
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
 

@@ -13,11 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.sensors import water_optics
+from sitl.world.hits import PLANTS, WATER
 from sitl.world.primitives import REFLECTANCE, Kind
 from sitl.world.water_waves import WaterState
+from sitl.world.wires import WireEchoes
 from sitl.world.world import Crossings
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 PARTS = 3
@@ -83,6 +86,20 @@ def beam_echoes(
     )
 
 
+def echo_hits(crossings: Crossings) -> I64:
+    """Return what the echoes of `beam_echoes` come from, (n, k) codes of ``hits``."""
+    c = crossings
+    leaves = np.full(c.leaf_m.shape, PLANTS)
+    last = np.where(np.isfinite(c.water_m), WATER, c.hit)
+    return np.column_stack([leaves, np.full(len(last), WATER), last])
+
+
+def with_wires(echoes: BeamEchoes, wires: WireEchoes) -> BeamEchoes:
+    """Return the echoes of beams with those of wires after them, which take their share of the others."""
+    left = echoes.bright * wires.through[:, np.newaxis]
+    return BeamEchoes(np.hstack([echoes.range_m, wires.range_m]), np.hstack([left, wires.bright]))
+
+
 def _water(
     c: Crossings, origins: F64, directions: F64, time_s: F64, water: WaterState, slant: F64, glint: F64
 ) -> tuple[F64, F64]:
@@ -118,7 +135,7 @@ class Reported:
     """Returns of pulses, (n,); range 0 for none.
 
     strongest, last: equal if one echo is both. other: of two, the one that is not the last; equal to the last
-    if there is one echo.
+    if there is one echo. The columns of the three among the echoes follow, meaningless without a return.
     """
 
     strongest_m: F64
@@ -127,9 +144,12 @@ class Reported:
     last_bright: F64
     other_m: F64
     other_bright: F64
+    strongest: I64
+    last: I64
+    other: I64
 
 
-def report(echoes: BeamEchoes, seen: Flags, separation_m: float) -> Reported:
+def report(echoes: BeamEchoes, seen: Flags, separation_m: float, power: F64 | None = None) -> Reported:
     """Return what a receiver reports of merged echoes.
 
     Parameters
@@ -140,20 +160,22 @@ def report(echoes: BeamEchoes, seen: Flags, separation_m: float) -> Reported:
         (n, k) mask of those bright enough.
     separation_m
         Least distance of two returns of one pulse.
+    power
+        (n, k) by which one echo is stronger than another; the brightness if None.
     """
     row = np.arange(len(seen))
     any_seen = seen.any(axis=1)
-    bright = np.where(seen, echoes.bright, -1.0)
-    best = bright.argmax(axis=1)
+    power = echoes.bright if power is None else power
+    best = np.where(seen, power, -1.0).argmax(axis=1)
     best_m = np.where(any_seen, echoes.range_m[row, best], np.nan)
     with np.errstate(invalid="ignore"):
         apart = seen & (np.abs(echoes.range_m - best_m[:, np.newaxis]) >= separation_m)
     far = np.where(apart, echoes.range_m, -np.inf)
     last = np.where(far.max(axis=1) > best_m, far.argmax(axis=1), best)
-    second = np.where(apart.any(axis=1), np.where(apart, echoes.bright, -1.0).argmax(axis=1), best)
+    second = np.where(apart.any(axis=1), np.where(apart, power, -1.0).argmax(axis=1), best)
     other = np.where(last == best, second, best)
 
     def pick(k: NDArray[np.int64]) -> tuple[F64, F64]:
         return np.where(any_seen, echoes.range_m[row, k], 0.0), np.where(any_seen, echoes.bright[row, k], 0.0)
 
-    return Reported(*pick(best), *pick(last), *pick(other))
+    return Reported(*pick(best), *pick(last), *pick(other), best, last, other)

@@ -4,6 +4,7 @@ The paper's Table 3 gives a range of up to 1000 m and a precision of 2 cm. Two c
 cone. Its width and the prisms' rates are our choice, because the paper does not give them. The maker does not
 publish its packets either: the points are sent in Livox packets, which hold the same data, so that `slz run
 --lidar livox:` accepts them.
+The beam is ours too: 10 mm and 0.3 mrad, as of long-range scanners.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from sitl.sensors.lidar_mount import Mount
 from sitl.sensors.mid360 import Mid360
 from sitl.sensors.optics import Noise, Reach
 from sitl.sensors.sensor_clock import Clock
+from sitl.world.wires import Beam
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -36,6 +38,8 @@ class Opal(Mid360):
     point_rate_hz
         Pulses per second; must divide 10^9.
     """
+
+    beam = Beam((0.01, 0.01), (0.0003, 0.0003))
 
     def __init__(
         self,

@@ -1,7 +1,7 @@
 """Base class of LiDARs that fire single pulses into a moving world.
 
-A beam has a width in plants and snow only, see ``layer_echoes``. Not modelled: mixed pixels at edges, the
-vehicle's own legs in the view.
+A beam has a width in plants and snow, see ``layer_echoes``, and at thin wires, see ``wire_cast``. Not
+modelled: mixed pixels at edges, the vehicle's own legs in the view.
 """
 
 from __future__ import annotations
@@ -9,19 +9,34 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, fields
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.sensors.layer_echoes import PARTS, BeamEchoes, Reported, beam_echoes, merge, report, touched
+from sitl.sensors.layer_echoes import (
+    PARTS,
+    BeamEchoes,
+    Reported,
+    beam_echoes,
+    echo_hits,
+    merge,
+    report,
+    touched,
+    with_wires,
+)
 from sitl.sensors.lidar_mount import Mount
 from sitl.sensors.optics import FAINTEST, Echoes, Flags, Noise, Reach, false_returns, range_error, tilt
+from sitl.sensors.return_hits import Hits
 from sitl.sensors.sensor_clock import Clock
+from sitl.world.hits import NOTHING
 from sitl.world.primitives import REFLECTANCE
-from sitl.world.world import World
+from sitl.world.wires import Beam, WireEchoes
+from sitl.world.world import Crossings, World
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+T = TypeVar("T", bound=np.generic)
 
 PoseAt = Callable[[I64], tuple[F64, F64]]
 """Stamps (n,) ns of simulated time -> position ENU (n, 3) m, quaternion wxyz (n, 4) body FRD -> NED."""
@@ -32,20 +47,22 @@ class Shots:
     """Pulses and their measurements; arrays of one length.
 
     index: number of the pulse. unit: (n, 3) nominal direction in the sensor frame. echoes: see `Echoes`.
-    bright: reflectance times the cosine of incidence at the hit.
+    bright: reflectance times the cosine of incidence at the hit. hits: what the returns come from, which no
+    real sensor knows.
     """
 
     index: I64
     unit: F64
     echoes: Echoes
     bright: F64
+    hits: Hits
 
     def __len__(self) -> int:
         return len(self.index)
 
     def __getitem__(self, cut: slice) -> Shots:
         echoes = Echoes(*(getattr(self.echoes, f.name)[cut] for f in fields(Echoes)))
-        return Shots(self.index[cut], self.unit[cut], echoes, self.bright[cut])
+        return Shots(self.index[cut], self.unit[cut], echoes, self.bright[cut], self.hits[cut])
 
     def followed_by(self, later: Shots) -> Shots:
         """Return these shots followed by later ones."""
@@ -55,6 +72,7 @@ class Shots:
             np.concatenate([self.unit, later.unit]),
             Echoes(*(np.concatenate(pair) for pair in pairs)),
             np.concatenate([self.bright, later.bright]),
+            self.hits.followed_by(later.hits),
         )
 
 
@@ -66,11 +84,16 @@ class Rays:
     direction: F64
     traced: Flags | None
 
-    def spread(self, values: F64, count: int, missing: float) -> F64:
+    @property
+    def chosen(self) -> slice | Flags:
+        """Index of the traced among all pulses."""
+        return slice(None) if self.traced is None else self.traced
+
+    def spread(self, values: NDArray[T], count: int, missing: float) -> NDArray[T]:
         """Return values of the traced pulses as values of all `count` pulses."""
         if self.traced is None:
             return values
-        spread = np.full(count, missing)
+        spread = np.full(count, missing, values.dtype)
         spread[self.traced] = values
         return spread
 
@@ -101,10 +124,13 @@ class PulseLidar(ABC):
         Of the laser; see ``water_optics``.
     SEPARATION_M
         Least distance of two returns of one pulse.
+    beam
+        Width of a beam.
     """
 
     WAVELENGTH_NM = 905
     SEPARATION_M = 1.0
+    beam: Beam
 
     def __init__(
         self,
@@ -216,15 +242,43 @@ class PulseLidar(ABC):
         normal = self._normal.standard_normal((index.size, 4))
         uniform = self._uniform.random((index.size, 4))
         rays = self._rays(index, nominal, normal, position, attitude)
-        if not world.has_layers:
-            true_range, bright = self._first_hits(rays, index.size, world)
-            seen = self.reach.detected(true_range, bright, normal[:, 3], uniform[:, 0], self.noise)
+        depths, glint = self._layer_draws(index.size, world)
+        c = world.cross(rays.origin, rays.direction, self.reach.most_m, depths[rays.chosen], thin_wires=False)
+        true_range = rays.spread(c.range_m, index.size, np.nan)
+        bright = rays.spread(REFLECTANCE[c.kind] * c.cosine, index.size, 0.0)
+        seen = self.reach.detected(true_range, bright, normal[:, 3], uniform[:, 0], self.noise)
+        hits = Hits.of_one(rays.spread(c.hit, index.size, NOTHING), seen)
+        own, wires = self._widened(c, rays, attitude, world)
+        if own is None:
             measured = self._measured(true_range, seen, normal)
             echoes = false_returns(measured, seen, bright, uniform, self.noise)
-            return Shots(index, nominal, echoes, bright)
-        return self._through_layers(
-            index, nominal, rays, np.asarray(stamps_ns * 1e-9, np.float64), normal, uniform, world
+            return Shots(index, nominal, echoes, bright, hits.falsified(echoes))
+        at = (np.arange(index.size) if rays.traced is None else np.flatnonzero(rays.traced))[own]
+        met = beam_echoes(
+            c.of(own),
+            rays.origin[own],
+            rays.direction[own],
+            np.asarray(stamps_ns[at] * 1e-9, np.float64),
+            world.water,
+            self.WAVELENGTH_NM,
+            glint[at],
         )
+        labels = echo_hits(c.of(own))
+        if wires is not None:
+            met, labels = with_wires(met, wires.of(own)), np.hstack([labels, wires.index[own]])
+        found = self._reported(
+            met, None if wires is None else wires.share[own, 0] > 0.0, normal[at, 3], uniform[at, 0]
+        )
+        seen[at], true_range[at], bright[at] = (
+            found.strongest_m > 0.0,
+            found.strongest_m,
+            found.strongest_bright,
+        )
+        hits = hits.with_several(at, found, met, labels)
+        measured = self._measured(true_range, seen, normal)
+        both = false_returns(measured, seen, bright, uniform, self.noise)
+        self._add_second(both, found, at, normal[at, 2])
+        return Shots(index, nominal, both, bright, hits.falsified(both))
 
     def _measured(self, true_range: F64, seen: Flags, normal: F64) -> F64:
         return np.where(seen, true_range + range_error(true_range, normal[:, 2], self.noise), 0.0)
@@ -242,61 +296,51 @@ class PulseLidar(ABC):
             origin = origin + self.mount.to_enu(offset, attitude)
         return Rays(origin, self.mount.to_enu(fired, attitude), traced)
 
-    def _first_hits(self, rays: Rays, count: int, world: World) -> tuple[F64, F64]:
-        """Return true range (NaN without a hit) and brightness of the first surface of each pulse."""
-        found_m, kind, cosine = world.trace(rays.origin, rays.direction, self.reach.most_m)
-        return rays.spread(found_m, count, np.nan), rays.spread(REFLECTANCE[kind] * cosine, count, 0.0)
-
-    def _through_layers(
-        self,
-        index: I64,
-        nominal: F64,
-        rays: Rays,
-        time_s: F64,
-        normal: F64,
-        uniform: F64,
-        world: World,
-    ) -> Shots:
-        """Return the shots where beams may enter water, plants or snow; the others are as in `fire`."""
-        count = index.size
+    def _layer_draws(self, count: int, world: World) -> tuple[F64, F64]:
+        """Return optical depths (n, parts) of leaves, and factors (n,) of glints, drawn only where needed."""
+        if not world.has_layers:
+            return np.empty((count, 0)), np.ones(count)
         depths = -np.log1p(-self._leaf.random((count, PARTS)))
         shape = world.water.facets
-        glint = self._glint.standard_gamma(shape, count) / shape
-        traced = slice(None) if rays.traced is None else rays.traced
-        c = world.cross(rays.origin, rays.direction, self.reach.most_m, depths[traced])
-        true_range = rays.spread(c.range_m, count, np.nan)
-        bright = rays.spread(REFLECTANCE[c.kind] * c.cosine, count, 0.0)
-        seen = self.reach.detected(true_range, bright, normal[:, 3], uniform[:, 0], self.noise)
-        own = touched(c)
-        at = (np.arange(count) if rays.traced is None else np.flatnonzero(rays.traced))[own]
-        echoes = beam_echoes(
-            c.of(own),
-            rays.origin[own],
-            rays.direction[own],
-            time_s[at],
-            world.water,
-            self.WAVELENGTH_NM,
-            glint[at],
-        )
-        found = self._reported(merge(echoes), normal[at, 3], uniform[at, 0])
-        seen[at], true_range[at], bright[at] = (
-            found.strongest_m > 0.0,
-            found.strongest_m,
-            found.strongest_bright,
-        )
-        measured = self._measured(true_range, seen, normal)
-        both = false_returns(measured, seen, bright, uniform, self.noise)
-        self._add_second(both, found, at, normal[at, 2])
-        return Shots(index, nominal, both, bright)
+        return depths, self._glint.standard_gamma(shape, count) / shape
 
-    def _reported(self, echoes: BeamEchoes, normal: F64, uniform: F64) -> Reported:
-        """Return what is reported of echoes: those bright enough, one pulse's all lost or none."""
-        faint = self.reach.faint(echoes.bright)
+    def _widened(
+        self, c: Crossings, rays: Rays, attitude: F64, world: World
+    ) -> tuple[Flags | None, WireEchoes | None]:
+        """Return the mask of pulses with more than an opaque surface, None for none, and their wires."""
+        own = touched(c) if world.has_layers else None
+        wires = None
+        if world.wires:
+            attitude = attitude if rays.traced is None else attitude[rays.traced]
+            up = self.mount.to_enu(np.tile([0.0, 0.0, 1.0], (len(attitude), 1)), attitude)
+            wires = world.wires.echoes(
+                rays.origin, rays.direction, up, c.range_m, self.reach.most_m, self.beam
+            )
+            wired = wires.share[:, 0] > 0.0
+            if wired.any():
+                own = wired if own is None else own | wired
+            else:
+                wires = None
+        return own, wires
+
+    def _reported(self, echoes: BeamEchoes, wired: Flags | None, normal: F64, uniform: F64) -> Reported:
+        """Return what is reported of echoes: those bright enough, one pulse's all lost or none.
+
+        A wire may be far before the ground: where there is one, the power, bright / range^2, counts.
+        """
+        merged = merge(echoes)
+        faint = self.reach.faint(merged.bright)
         lit = [
-            self.reach.detected(echoes.range_m[:, k], faint[:, k], normal, uniform, self.noise)
+            self.reach.detected(merged.range_m[:, k], faint[:, k], normal, uniform, self.noise)
             for k in range(faint.shape[1])
         ]
-        return report(echoes, np.column_stack(lit) & (echoes.bright >= FAINTEST), self.SEPARATION_M)
+        seen = np.column_stack(lit) & (merged.bright >= FAINTEST)
+        power = None
+        if wired is not None:
+            with np.errstate(invalid="ignore"):
+                near = merged.bright / merged.range_m**2
+            power = np.where(wired[:, np.newaxis], np.nan_to_num(near), merged.bright)
+        return report(merged, seen, self.SEPARATION_M, power)
 
     def _add_second(self, echoes: Echoes, found: Reported, at: I64, normal: F64) -> None:
         """Write the second returns of pulses; a ghost has none, and dust takes the place of the other."""

@@ -2,7 +2,8 @@
 
 User manual (63-9243): 16 lasers from -15 to +15 degrees, a firing sequence every 55.296 us with 2.304 us from
 laser to laser, 600 turns a minute, so 0.2 degrees from sequence to sequence. Range 100 m for good reflectors;
-accuracy 3 cm, interpreted as two sigma; beams diverge by 3 mrad.
+accuracy 3 cm, interpreted as two sigma. Beams are 12.7 x 9.5 mm at the lens and diverge by 3.0 mrad level and
+1.5 mrad upward, read as full widths at half maximum.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from sitl.sensors.optics import Noise, Reach
 from sitl.sensors.pulse_lidar import PulseLidar, Shots
 from sitl.sensors.sensor_clock import Clock
 from sitl.sensors.velodyne_packets import BLOCKS, CHANNELS, LASERS, ReturnMode, encode_packet
+from sitl.world.wires import Beam
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -30,6 +32,7 @@ UP_M: F64 = 1e-3 * np.array(
 )
 REACH = Reach(blind_m=0.4, most_m=120.0, at_10_percent_m=50.0, at_80_percent_m=100.0)
 NOISE = Noise(range_sigma_m=0.015, angle_sigma_deg=0.08)
+BEAM = Beam((0.0127, 0.0095), (0.003, 0.0015))
 SIDEWAYS = Mount(pitch_deg=90.0)
 """Axis forward, azimuth 0 down: the head sweeps the ground from side to side."""
 
@@ -47,6 +50,8 @@ class Vlp16(PulseLidar):
     mode
         Strongest return, last return, or both: the last, and the strongest or second strongest.
     """
+
+    beam = BEAM
 
     def __init__(
         self,

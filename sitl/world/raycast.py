@@ -16,6 +16,7 @@ import numpy as np
 
 from sitl.array_types import Array1D, Array2D
 from sitl.compilation import kernel, kernel_for_any_types
+from sitl.world.hits import GROUND, MOVERS, NOTHING
 from sitl.world.tables import F64, INF, GridTable, GroundTable, MoverTable, SolidTable
 
 
@@ -273,6 +274,7 @@ def _cast_one(
     dy: float,
     dz: float,
     limit: float,
+    thin_m: float,
 ) -> tuple[float, int, int]:
     """Return (t, what, index): what is 0 nothing, 1 ground, 2 solid, 3 mover."""
     meta, ground_top, any_top, start, item = grid
@@ -306,6 +308,8 @@ def _cast_one(
             flat = iy * n_x + ix
             for k in range(start[flat], start[flat + 1]):
                 s = item[k]
+                if shapes[s] == 3 and rows[s, 6] <= thin_m:
+                    continue
                 hit = solid_hit(shapes[s], rows, s, ox, oy, oz, dx, dy, dz)
                 if hit < best:
                     best, what, index = hit, 2, s
@@ -331,30 +335,35 @@ def cast_rays(
     origins: Array2D[np.float64],
     directions: Array2D[np.float64],
     limit: float,
+    thin_m: float,
     out_range: Array1D[np.float64],
     out_kind: Array1D[np.uint8],
     out_cosine: Array1D[np.float64],
+    out_hit: Array1D[np.int64],
 ) -> None:
-    """Cast every ray; write range (NaN for none), material and cosine of the angle of incidence."""
+    """Cast every ray; write range (NaN for none), material, cosine of the angle of incidence and ``hits``.
+
+    Wires of a radius up to `thin_m` are passed over; a negative one passes over none.
+    """
     for n in range(origins.shape[0]):
         ox, oy, oz = origins[n, 0], origins[n, 1], origins[n, 2]
         dx, dy, dz = directions[n, 0], directions[n, 1], directions[n, 2]
-        out_range[n], out_kind[n], out_cosine[n] = math.nan, 0, 0.0
+        out_range[n], out_kind[n], out_cosine[n], out_hit[n] = math.nan, 0, 0.0, NOTHING
         if not math.isfinite(ox + oy + oz + dx + dy + dz):
             continue
-        t, what, index = _cast_one(ground, solids, grid, movers, ox, oy, oz, dx, dy, dz, limit)
+        t, what, index = _cast_one(ground, solids, grid, movers, ox, oy, oz, dx, dy, dz, limit, thin_m)
         if what == 0:
             continue
         x, y, z = ox + t * dx, oy + t * dy, oz + t * dz
         if what == 1:
             j, i, _, _ = ground_square(ground, x, y)
-            kind = ground[1][j, i]
+            kind, out_hit[n] = ground[1][j, i], GROUND
             nx, ny, nz = ground_normal(ground, x, y)
         elif what == 2:
-            kind = solids[2][index]
+            kind, out_hit[n] = solids[2][index], index
             nx, ny, nz = solid_normal(solids[0][index], solids[1], index, x, y, z)
         else:
-            kind = movers[2][index]
+            kind, out_hit[n] = movers[2][index], MOVERS + index
             nx, ny, nz = solid_normal(movers[0][index], movers[1], index, x, y, z)
         out_kind[n] = kind
         out_range[n] = t

@@ -23,5 +23,16 @@ GridTable = tuple[
 """([cell_m, z_floor, z_top], ground top (cy, cx), any top (cy, cx), start (cells + 1,), item (k,))."""
 MoverTable = tuple[Array1D[np.uint8], Array2D[np.float64], Array1D[np.uint8], Array2D[np.float64]]
 """SolidTable of moving solids, and their bounding spheres (n, 4)."""
+WireTable = tuple[
+    Array2D[np.float64],
+    Array1D[np.int64],
+    Array1D[np.float64],
+    Array2D[np.float64],
+    Array2D[np.float64],
+    Array1D[np.int32],
+    Array1D[np.int32],
+]
+"""(row (n, 8): ends, radius, reflectance; number of the solid (n,); [cell_m, x0, y0, low, top]; low (cy, cx)
+and top (cy, cx) of what may touch a footprint; start (cells + 1,), item (k,))."""
 LayerTable = tuple[Array2D[np.float64], Array2D[np.uint8], Array2D[np.float64], Array1D[np.float64]]
 """(water level (ny-1, nx-1), plant (ny-1, nx-1), plants (k, 6) as in ``Plants.row``, [top])."""

@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from sitl.world.hits import MOVERS
 from sitl.world.layer_cast import cast_layers, top_layers
 from sitl.world.primitives import ROW_LENGTH, Box, Ground, Kind, Solid
 from sitl.world.raycast import cast_rays
@@ -17,9 +18,11 @@ from sitl.world.surface_layers import SurfaceLayers
 from sitl.world.tables import GridTable, GroundTable, LayerTable, MoverTable, SolidTable
 from sitl.world.topview import top_surface
 from sitl.world.water_waves import WaterState
+from sitl.world.wires import THIN_M, Wires
 
 F64 = NDArray[np.float64]
 U8 = NDArray[np.uint8]
+I64 = NDArray[np.int64]
 
 _MARGIN_M = 1e-6
 PUDDLE_M = 0.05
@@ -66,7 +69,8 @@ class Crossings:
     range_m, kind, cosine: of the first opaque surface, range NaN for none. water_m: range of the surface of
     standing water in front of it, NaN for none; an opaque ``Kind.WATER`` counts, its depth is inf. depth_m,
     bottom: depth of the water there, and material below it. leaf_m: (n, parts) range of the leaf that each
-    part of the beam meets, NaN where it passes. plant: kind of the leaf.
+    part of the beam meets, NaN where it passes. plant: kind of the leaf. hit: the opaque
+    surface, see ``hits``.
     """
 
     range_m: F64
@@ -77,6 +81,7 @@ class Crossings:
     bottom: U8
     leaf_m: F64
     plant: U8
+    hit: I64
 
     def of(self, rays: NDArray[np.bool_]) -> Crossings:
         """Return the crossings of some of the rays."""
@@ -121,6 +126,7 @@ class World:
             raise ValueError(f"world: cell_m {cell_m} is smaller than post_m {ground.post_m}")
         self.ground = ground
         self.solids = tuple(solids)
+        self.wires = Wires(self.solids)
         self.layers = layers
         self.water = water or WaterState()
         self._movers: dict[str, Mover] = {}
@@ -186,6 +192,11 @@ class World:
         """Remove a mover from the world; KeyError if there is none of that name."""
         del self._movers[name]
         self._place_movers()
+
+    def mover_of(self, hit: int) -> str | None:
+        """Return the name of the mover that a code of ``hits`` stands for; None for anything else."""
+        parts = [mover.name for mover in self._movers.values() for _ in mover.parts]
+        return parts[hit - MOVERS] if 0 <= hit - MOVERS < len(parts) else None
 
     def height_m(self, x: float, y: float) -> float:
         """Return the height of the top surface at one place, NaN outside the world."""
@@ -271,7 +282,13 @@ class World:
         return range_m, kind, np.where(leaf, slant, np.where(wet, 0.0, c.cosine))
 
     def cross(
-        self, origins_enu_m: F64, directions_enu: F64, max_range_m: float, leaf_depths: F64
+        self,
+        origins_enu_m: F64,
+        directions_enu: F64,
+        max_range_m: float,
+        leaf_depths: F64,
+        *,
+        thin_wires: bool = True,
     ) -> Crossings:
         """Cast rays through water, plants and snow.
 
@@ -282,6 +299,8 @@ class World:
         leaf_depths
             (n, parts) optical depths at which each part of a beam meets a leaf: draws from the exponential
             distribution.
+        thin_wires
+            Whether `wires` are solids; not to beams, which see them by their share of a footprint.
         """
         origins = np.ascontiguousarray(origins_enu_m, dtype=np.float64)
         directions = np.ascontiguousarray(directions_enu, dtype=np.float64)
@@ -289,9 +308,10 @@ class World:
             raise ValueError(f"cast: need two (n, 3) arrays, got {origins.shape} and {directions.shape}")
         count = len(origins)
         range_m, cosine, kind = np.empty(count), np.empty(count), np.empty(count, dtype=np.uint8)
+        hit, thin_m = np.empty(count, np.int64), -1.0 if thin_wires else THIN_M
         rays, limit = (origins, directions), float(max_range_m)
         tables = (self._ground_table, self._solid_table, self._grid_table, self._mover_table)
-        cast_rays(*tables, *rays, limit, range_m, kind, cosine)
+        cast_rays(*tables, *rays, limit, thin_m, range_m, kind, cosine, hit)
         water_m, depth_m = np.full(count, np.nan), np.zeros(count)
         bottom, plant = np.zeros(count, np.uint8), np.zeros(count, np.uint8)
         leaf_m = np.full(leaf_depths.shape, np.nan)
@@ -301,7 +321,7 @@ class World:
             cast_layers(*layers, *rays, range_m, limit, depths, water_m, depth_m, bottom, leaf_m, plant)
         opaque = (kind == Kind.WATER) & np.isnan(water_m)
         water_m[opaque], depth_m[opaque] = range_m[opaque], np.inf
-        return Crossings(range_m, kind, cosine, water_m, depth_m, bottom, leaf_m, plant)
+        return Crossings(range_m, kind, cosine, water_m, depth_m, bottom, leaf_m, plant, hit)
 
     def _surface(self, xs: F64, ys: F64, movers: MoverTable) -> tuple[F64, U8]:
         x, y = np.broadcast_arrays(np.asarray(xs, dtype=np.float64), np.asarray(ys, dtype=np.float64))
