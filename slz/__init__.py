@@ -17,6 +17,7 @@ from slz.surface.surface_kinds import SurfaceHere, SurfaceKind
 from slz.terrain.changes import Drawn, DrawnTile
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE, TerrainMaps
 from slz.window import PointAttributes, Scan, Window, Windower, join
+from slz.wires.wire import Wire
 from slz.zone import LandingPoint, Zone, zone_mask
 
 __all__ = [
@@ -50,6 +51,7 @@ __all__ = [
     "TerrainMaps",
     "Window",
     "Windower",
+    "Wire",
     "Zone",
     "join",
     "zone_mask",

@@ -31,6 +31,7 @@ from slz.kernels.cells.cell_record import TILE
 from slz.kernels.cells.cell_statistics import summary
 from slz.kernels.cells.resolution_pyramid import downsample
 from slz.kernels.footprint.patch import COLS, rows_of_patch
+from slz.kernels.lines.wire_tops import raise_tops
 from slz.kernels.points.clutter import put_onto
 from slz.kernels.raster.bitmap import Bits
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
@@ -82,7 +83,7 @@ class EvidenceTerrain(UnboundedTerrain):
     -----
     serial: number of the maps; it changes when all tiles must be read again. changed_tiles: tiles
     derived or dropped since the set was last emptied. surface: what refuses ground for its surface, None for
-    nothing.
+    nothing. wires_m: (n, 3) points along wires, in stored heights, which are tops of the ground below.
     """
 
     def __init__(
@@ -104,6 +105,7 @@ class EvidenceTerrain(UnboundedTerrain):
         self._n_derived, self._new = 0, [0]
         self._thin = ThinObjects()
         self.surface: Surface | None = None
+        self.wires_m = np.empty((0, 3))
         self._footings: dict[Box, tuple[bytes, Footing]] = {}  # by digest of the cells; used last at the end
         self._oldest_s: dict[Key, float] = {}  # last seen time of the cell not seen for longest
         self._reach = reach_of(parameters, grid.cell_m)
@@ -276,6 +278,10 @@ class EvidenceTerrain(UnboundedTerrain):
             cell_m = self.grid.cell_m
             west_m, south_m = self.tiles.west_m + box.col0 * cell_m, self.tiles.south_m + box.row0 * cell_m
             put_onto(self._thin.found_enu_m, west_m, south_m, cell_m, cells)
+        if len(self.wires_m):
+            cell_m = self.grid.cell_m
+            west_m, south_m = self.tiles.west_m + box.col0 * cell_m, self.tiles.south_m + box.row0 * cell_m
+            raise_tops(self.wires_m, west_m, south_m, cell_m, self._reach.gap, cells)
         return cells
 
     def _derive(self, box: Box) -> None:
@@ -311,7 +317,7 @@ class EvidenceTerrain(UnboundedTerrain):
         west_m, south_m = self.tiles.west_m + col0 * cell_m, self.tiles.south_m + row0 * cell_m
         new = EvidenceTerrain(Grid(west_m, south_m, cell_m, side, side), self._parameters, self.tiles, level)
         new.pinned, new._aged_s, new._thin = self.pinned, self._aged_s, self._thin
-        new.surface = self.surface
+        new.surface, new.wires_m = self.surface, self.wires_m
         new._seen = _widened(_scaled(self._seen, self.level), level, 0)
         new._derive_all(self.tiles.boxes)
         new._oldest_s = dict(self._oldest_s)
