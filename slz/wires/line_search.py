@@ -22,11 +22,12 @@ MOST_PAIRS = 10_000  # of a seed and a stored return, beyond which there are few
 TRIED = 6  # lines of a window that are tested
 FEWEST = 6  # places of a wire that have returns
 SHORTEST_M = 8.0
-FEWEST_WINDOWS = 3
+FEWEST_WINDOWS = 2
 BASELINE = (
     0.08  # of the range, by which the sensor must have moved: lines of a scan on a surface move with it
 )
 LEAST_BASELINE_M = 1.0
+LEVEL = 0.15  # fall of rays over their distance, up to which they would meet a wall below a curve
 MOST_MISFIT = 2.0
 
 
@@ -104,9 +105,15 @@ def is_explained(found: Found, own: WireCandidates, air: OccupiedAir) -> bool:
 
 
 def _log_false_alarms(found: Found, own: WireCandidates, stored: int, air: OccupiedAir) -> float | None:
-    """Return the logarithm of the expected number of false alarms, None where the air below is not seen."""
+    """Return the logarithm of the expected number of false alarms, None where a wall may be below.
+
+    A wall seen from above has an edge like a wire. Either rays passed below, or the sensor was low enough to
+    see a wall.
+    """
     around = air.around(found.curve, found.start_m, found.stop_m)
-    if not around.below_is_seen:
+    way = own.points_enu_m - own.sensors_enu_m
+    steepness = float(np.median(-way[:, 2] / np.maximum(np.hypot(way[:, 0], way[:, 1]), 0.1)))
+    if steepness > LEVEL and not around.below_is_seen:
         return None
     along_m, _ = found.curve.distances_m(own.points_enu_m)
     on_curve = len(np.unique(np.floor((along_m - found.start_m) / VOXEL_M)))

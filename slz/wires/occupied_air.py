@@ -18,6 +18,7 @@ from slz.kernels.lines.voxel_occupancy import (
     VOXEL_M,
     around_curve,
     first_support,
+    floor_below,
     heights_over_floor,
     neighbour_directions,
     occupy,
@@ -28,6 +29,7 @@ from slz.wires.sagging_curve import SaggingCurve
 EPOCH_S = 10.0
 EPOCHS, KEPT = 250, 13  # after `EPOCHS` all is forgotten; `KEPT` are looked at
 MOST_NEIGHBOURS = 5  # directions in which the air beside a return of a wire is occupied
+BELOW_SENSOR_M = 3.0  # from which a return may be ground; when it is lower, half its height
 LOOKED_AT = 0.1  # least share of the air below a curve
 LEAST_OVER_M = 1.5  # of a wire over the ground, lower than which it is not followed
 
@@ -44,7 +46,7 @@ class Surrounding:
 
     @property
     def below_is_seen(self) -> bool:
-        """Whether air below the curve was looked at: a wall seen from above has an edge like a wire."""
+        """Whether air below the curve was looked at."""
         down = slice(5 * DIRECTIONS // 8, 7 * DIRECTIONS // 8 + 1)
         return bool(self.looked_at[down].sum() >= LOOKED_AT * self.above[down].sum())
 
@@ -67,8 +69,8 @@ class OccupiedAir:
         self._started_s: float | None = None
         self._epoch = 1
 
-    def add(self, points_m: Floats, now_s: float) -> Floats:
-        """Add a window's returns (n, 3); return their heights (n,) over the floor."""
+    def add(self, points_m: Floats, sensor_m: Floats, now_s: float) -> Floats:
+        """Add a window's returns (n, 3); return their heights (n,) over the floor, infinite where unknown."""
         if self._started_s is None:
             self._started_s = now_s
         epoch = 1 + int((now_s - self._started_s) // EPOCH_S)
@@ -76,7 +78,12 @@ class OccupiedAir:
             self._started_s, epoch = now_s, 1
             self._occupied[:] = 0
         self._epoch = epoch
-        over = heights_over_floor(points_m, self._lowest, self._cell)
+        east, north, up = sensor_m.tolist()
+        height_m = up - floor_below(east, north, self._lowest, self._cell)
+        ceiling_m = (
+            up - max(0.0, min(BELOW_SENSOR_M, height_m / 2)) if np.isfinite(height_m) else up - BELOW_SENSOR_M
+        )
+        over = heights_over_floor(points_m, ceiling_m, self._lowest, self._cell)
         occupy(points_m, over, epoch, self._occupied, self._column)
         return over
 

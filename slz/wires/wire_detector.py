@@ -77,7 +77,7 @@ class WireDetector:
             return
         self._window += 1
         points = np.ascontiguousarray(points_m)
-        over = self._air.add(points, now_s)
+        over = self._air.add(points, sensor_m, now_s)
         for tracked in self.tracked:
             self._air.vacate(tracked.curve, tracked.start_m, tracked.stop_m)
         if self.tracked and (suspect := self.tracked[self._window % len(self.tracked)]).is_surface(self._air):

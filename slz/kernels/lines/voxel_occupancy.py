@@ -16,6 +16,7 @@ SIDE = 256  # columns of a row, a power of two
 LEVELS = 96  # voxels of a column; heights that differ by a multiple of 48 m share one
 VOXEL_M, FLOOR_M = 0.5, 2.0  # sides of a voxel, and of a cell of the floor
 AROUND = 1  # cells of the floor to each side in which the ground below is looked for
+AGREED_M = 0.7  # between two returns of the floor of a cell
 RAISED_M = 1.0  # over the floor, from which voxels are occupied
 FAR = 2  # voxels to a second neighbour; a surface holds the first one too
 DIRECTIONS = 24  # across a curve, around it
@@ -26,42 +27,56 @@ NOWHERE = np.int32(-(2**31))
 
 @kernel
 def floor_below(east: float, north: float, lowest: Array3D[np.float32], cell: Array3D[np.int32]) -> float:
-    """Return the lowest second-lowest return of 3 x 3 cells of the floor, infinite where none is known."""
+    """Return the second-lowest floor of 3 x 3 cells, the only one where there is one; infinite where unknown.
+
+    One cell is no ground: multipath lies below it.
+    """
     r0, c0, mask = int(np.floor(north / FLOOR_M)), int(np.floor(east / FLOOR_M)), SIDE - 1
-    floor = np.inf
+    first = second = np.inf
     for r in range(r0 - AROUND, r0 + AROUND + 1):
         for c in range(c0 - AROUND, c0 + AROUND + 1):
             a, b = r & mask, c & mask
             if cell[a, b, 0] == r and cell[a, b, 1] == c:
-                floor = min(floor, lowest[a, b, 1])
-    return floor
+                z = float(lowest[a, b, 1])
+                if z < first:
+                    second, first = first, z
+                elif z < second:
+                    second = z
+    return first if second == np.inf else second
 
 
 @kernel
 def heights_over_floor(
-    points: Array2D[np.float64], lowest: Array3D[np.float32], cell: Array3D[np.int32]
+    points: Array2D[np.float64], ceiling: float, lowest: Array3D[np.float32], cell: Array3D[np.int32]
 ) -> Array1D[np.float64]:
-    """Lower the floor to the returns (n, 3) of a window, and return their heights over it.
+    """Lower the floor to the returns (n, 3) of a window, and return their heights over it; infinite without.
 
     Parameters
     ----------
+    ceiling
+        Height from which a return is no floor: what is as high as the sensor is no ground that it may be
+        over.
     lowest, cell
-        (SIDE, SIDE, 2) the two lowest returns of each cell, and its row and column. One return is no floor:
-        multipath lies below the ground.
+        (SIDE, SIDE, 2) the last return below the floor of each cell and that floor, and its row and column.
+        Two returns below the floor, one after the other and within `AGREED_M`, are the floor.
     """
     out, mask = np.empty(len(points)), SIDE - 1
     for i in range(len(points)):
         r, c = int(np.floor(points[i, 1] / FLOOR_M)), int(np.floor(points[i, 0] / FLOOR_M))
         a, b, z = r & mask, c & mask, np.float32(points[i, 2])
+        if not z < ceiling:
+            continue
         if cell[a, b, 0] != r or cell[a, b, 1] != c:
             cell[a, b, 0], cell[a, b, 1] = r, c
             lowest[a, b, 0] = lowest[a, b, 1] = np.float32(np.inf)
-        if z < lowest[a, b, 0]:
-            lowest[a, b, 1], lowest[a, b, 0] = lowest[a, b, 0], z
-        elif z < lowest[a, b, 1]:
-            lowest[a, b, 1] = z
+        if z < lowest[a, b, 1]:
+            before = lowest[a, b, 0]
+            lowest[a, b, 0] = z
+            if abs(z - before) <= AGREED_M:
+                lowest[a, b, 1] = max(z, before)
     for i in range(len(points)):
-        out[i] = points[i, 2] - floor_below(points[i, 0], points[i, 1], lowest, cell)
+        floor = floor_below(points[i, 0], points[i, 1], lowest, cell)
+        out[i] = np.inf if floor == np.inf else points[i, 2] - floor
     return out
 
 
