@@ -105,7 +105,7 @@ def is_explained(found: Found, own: WireCandidates, air: OccupiedAir) -> bool:
 
 
 def _log_false_alarms(found: Found, own: WireCandidates, stored: int, air: OccupiedAir) -> float | None:
-    """Return the logarithm of the expected number of false alarms, None where a wall may be below.
+    """Return the logarithm of the expected number of false alarms, None where a wall or ground may be below.
 
     A wall seen from above has an edge like a wire. Either rays passed below, or the sensor was low enough to
     see a wall.
@@ -113,10 +113,11 @@ def _log_false_alarms(found: Found, own: WireCandidates, stored: int, air: Occup
     around = air.around(found.curve, found.start_m, found.stop_m)
     way = own.points_enu_m - own.sensors_enu_m
     steepness = float(np.median(-way[:, 2] / np.maximum(np.hypot(way[:, 0], way[:, 1]), 0.1)))
-    if steepness > LEVEL and not around.below_is_seen:
+    places = round((found.stop_m - found.start_m) / VOXEL_M) + 1
+    if not around.is_high(places) or (steepness > LEVEL and not around.below_is_seen):
         return None
     along_m, _ = found.curve.distances_m(own.points_enu_m)
     on_curve = len(np.unique(np.floor((along_m - found.start_m) / VOXEL_M)))
-    places = max(on_curve, round((found.stop_m - found.start_m) / VOXEL_M) + 1)
+    places = max(on_curve, places)
     tube_m = GATES[-1] * float(np.median(own.sigma_m))
     return log_false_alarms(on_curve, places, tube_m, around.occupied, around.above, stored)

@@ -30,6 +30,7 @@ EPOCH_S = 10.0
 EPOCHS, KEPT = 250, 13  # after `EPOCHS` all is forgotten; `KEPT` are looked at
 MOST_NEIGHBOURS = 5  # directions in which the air beside a return of a wire is occupied
 BELOW_SENSOR_M = 3.0  # from which a return may be ground; when it is lower, half its height
+HIGH_SHARE = 0.8  # least share of the places of a curve that are high over the floor
 LOOKED_AT = 0.1  # least share of the air below a curve
 LEAST_OVER_M = 1.5  # of a wire over the ground, lower than which it is not followed
 
@@ -43,6 +44,10 @@ class Surrounding:
     occupied: NDArray[np.int64]
     looked_at: NDArray[np.int64]
     above: NDArray[np.int64]
+
+    def is_high(self, places: int) -> bool:
+        """Return whether a curve of this many places is high over the floor nearly everywhere."""
+        return bool(self.above[3 * DIRECTIONS // 4, 0] >= HIGH_SHARE * places)
 
     @property
     def below_is_seen(self) -> bool:
@@ -70,7 +75,7 @@ class OccupiedAir:
         self._epoch = 1
 
     def add(self, points_m: Floats, sensor_m: Floats, now_s: float) -> Floats:
-        """Add a window's returns (n, 3); return their heights (n,) over the floor, infinite where unknown."""
+        """Add a window's returns (n, 3); return their heights over the floor, see `heights_over_floor`."""
         if self._started_s is None:
             self._started_s = now_s
         epoch = 1 + int((now_s - self._started_s) // EPOCH_S)

@@ -23,7 +23,7 @@ SHARES = 4  # of the stored returns, one of which is compared with the air aroun
 MOST_WIRES = 64
 MOST_RAYS = 2000  # of a window, counted for contradiction
 WATCHED_M = 60.0  # from the sensor, within which wires may be contradicted
-FARTHEST_M = 60.0  # from the sensor, from where returns are of use
+NEAREST_M, FARTHEST_M = 4.0, 60.0  # from the sensor; dust near it is a line along the way flown
 
 Floats = NDArray[np.float64]
 
@@ -103,7 +103,8 @@ class WireDetector:
     def _raised(self, points: Floats, over: Floats, sensor_m: Floats, now_s: float) -> WireCandidates:
         at = np.flatnonzero(over >= LEAST_OVER_M)
         ranges = np.linalg.norm(points[at] - sensor_m, axis=1)
-        at, ranges = at[ranges <= FARTHEST_M], ranges[ranges <= FARTHEST_M]
+        of_use = (ranges >= NEAREST_M) & (ranges <= FARTHEST_M)
+        at, ranges = at[of_use], ranges[of_use]
         sigma = np.hypot(PLACE_SD_M + PLACE_SD_SHARE * ranges, self._angle_noise_rad * ranges)
         sigma = np.hypot(sigma, self._range_noise_m)
         return WireCandidates.of(points[at], sigma, now_s, self._window, sensor_m).thinned()

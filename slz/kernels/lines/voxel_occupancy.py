@@ -49,7 +49,9 @@ def floor_below(east: float, north: float, lowest: Array3D[np.float32], cell: Ar
 def heights_over_floor(
     points: Array2D[np.float64], ceiling: float, lowest: Array3D[np.float32], cell: Array3D[np.int32]
 ) -> Array1D[np.float64]:
-    """Lower the floor to the returns (n, 3) of a window, and return their heights over it; infinite without.
+    """Lower the floor to the returns (n, 3) of a window, and return their heights over it.
+
+    Where no floor is known they are infinite from `ceiling` on, and NaN below.
 
     Parameters
     ----------
@@ -76,7 +78,10 @@ def heights_over_floor(
                 lowest[a, b, 1] = max(z, before)
     for i in range(len(points)):
         floor = floor_below(points[i, 0], points[i, 1], lowest, cell)
-        out[i] = np.inf if floor == np.inf else points[i, 2] - floor
+        if floor < np.inf:
+            out[i] = points[i, 2] - floor
+        else:
+            out[i] = np.inf if points[i, 2] >= ceiling else np.nan
     return out
 
 

@@ -90,11 +90,11 @@ def wire(line: Catenary, per_m: float, reach_m: float = 40.0, nominal_m: float =
     return returns
 
 
-def ground(per_m2: float, hidden_by: Rectangle | None = None) -> Body:
+def ground(per_m2: float, hidden_by: Rectangle | None = None, half_m: float = HALF_M) -> Body:
     """Return returns of level ground around the vehicle, but for what a rectangle hides."""
 
     def returns(rng: np.random.Generator, sensor: Floats) -> Floats:
-        level = rng.uniform(-HALF_M, HALF_M, (round(per_m2 * (2 * HALF_M) ** 2), 2)) + sensor[:2]
+        level = rng.uniform(-half_m, half_m, (round(per_m2 * (2 * half_m) ** 2), 2)) + sensor[:2]
         points = np.column_stack([level, np.zeros(len(level))])
         return points if hidden_by is None else points[~hidden_by.is_between(sensor, points)]
 
