@@ -19,7 +19,7 @@ from slz.wires.wire_candidates import WireCandidates
 
 MOST_SEEDS, FEWEST_SEEDS = 24, 8  # returns of a window through which lines are sought
 MOST_PAIRS = 10_000  # of a seed and a stored return, beyond which there are fewer seeds
-TRIED = 6  # lines of a window that are tested
+TRIED = 4  # lines of a window that are tested
 FEWEST = 6  # places of a wire that have returns
 SHORTEST_M = 8.0
 FEWEST_WINDOWS = 2

@@ -69,6 +69,8 @@ class OccupiedAir:
         self._rays = rays
         self._lowest = np.full((SIDE, SIDE, 2), np.inf, np.float32)
         self._cell = np.full((SIDE, SIDE, 2), NOWHERE, np.int32)
+        self._below = np.empty((SIDE, SIDE), np.float32)
+        self._below_of, self._windows = np.zeros((SIDE, SIDE), np.int32), 0
         self._occupied = np.zeros((SIDE, SIDE, LEVELS), np.uint8)
         self._column = np.full((SIDE, SIDE, 2), NOWHERE, np.int32)
         self._started_s: float | None = None
@@ -88,7 +90,9 @@ class OccupiedAir:
         ceiling_m = (
             up - max(0.0, min(BELOW_SENSOR_M, height_m / 2)) if np.isfinite(height_m) else up - BELOW_SENSOR_M
         )
-        over = heights_over_floor(points_m, ceiling_m, self._lowest, self._cell)
+        self._windows += 1
+        scratch = self._windows, self._below, self._below_of
+        over = heights_over_floor(points_m, ceiling_m, self._lowest, self._cell, *scratch)
         occupy(points_m, over, epoch, self._occupied, self._column)
         return over
 

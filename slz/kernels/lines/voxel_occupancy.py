@@ -47,7 +47,13 @@ def floor_below(east: float, north: float, lowest: Array3D[np.float32], cell: Ar
 
 @kernel
 def heights_over_floor(
-    points: Array2D[np.float64], ceiling: float, lowest: Array3D[np.float32], cell: Array3D[np.int32]
+    points: Array2D[np.float64],
+    ceiling: float,
+    lowest: Array3D[np.float32],
+    cell: Array3D[np.int32],
+    number: int,
+    below: Array2D[np.float32],
+    known: Array2D[np.int32],
 ) -> Array1D[np.float64]:
     """Lower the floor to the returns (n, 3) of a window, and return their heights over it.
 
@@ -61,6 +67,8 @@ def heights_over_floor(
     lowest, cell
         (SIDE, SIDE, 2) the last return below the floor of each cell and that floor, and its row and column.
         Two returns below the floor, one after the other and within `AGREED_M`, are the floor.
+    number, below, known
+        Of the window, and (SIDE, SIDE) scratch: the floor below each cell, and of which window that is.
     """
     out, mask = np.empty(len(points)), SIDE - 1
     for i in range(len(points)):
@@ -77,7 +85,12 @@ def heights_over_floor(
             if abs(z - before) <= AGREED_M:
                 lowest[a, b, 1] = max(z, before)
     for i in range(len(points)):
-        floor = floor_below(points[i, 0], points[i, 1], lowest, cell)
+        r, c = int(np.floor(points[i, 1] / FLOOR_M)), int(np.floor(points[i, 0] / FLOOR_M))
+        a, b = r & mask, c & mask
+        if known[a, b] != number:
+            known[a, b] = number
+            below[a, b] = floor_below(points[i, 0], points[i, 1], lowest, cell)
+        floor = below[a, b]
         if floor < np.inf:
             out[i] = points[i, 2] - floor
         else:

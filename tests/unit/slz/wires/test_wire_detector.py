@@ -48,7 +48,7 @@ def errors(one: Wire, line: Catenary) -> tuple[float, float]:
 @pytest.mark.parametrize(("per_m", "by_window"), [(0.05, 14), (0.1, 10), (0.2, 8), (1.0, 6)])
 def test_a_wire_is_found_from_few_returns_of_many_windows(per_m: float, by_window: int) -> None:
     """At 25 m there are 2.5 returns of 50 m in a window of the first case."""
-    for seed in range(8):
+    for seed in range(4):
         _, known = watch([ground(4.0), wire(LINE, per_m)], TOWARDS, seed)
         assert known[by_window], seed
         assert len(known[-1]) == 1
@@ -61,7 +61,7 @@ def test_heights_beyond_the_ends_are_within_their_standard_deviation() -> None:
     """Of a wire of 100 m only the middle half returns pulses."""
     line = Catenary(np.array([-50.0, 10.0, 12.0]), np.array([50.0, 14.0, 12.0]), 2.0)
     offs = []
-    for seed in range(6):
+    for seed in range(3):
         whole = wire(line, 0.3)
 
         def middle(rng: np.random.Generator, sensor: Floats, whole: Body = whole) -> Floats:
