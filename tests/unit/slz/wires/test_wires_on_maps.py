@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 import params
 from slz import SAFE, UNKNOWN, UNSAFE, LocalFrame, Pipeline, Report, Window
 from slz.grid import Box
+from slz.landing_point.corridors import corridors
 from slz.wires.sagging_curve import SaggingCurve
 from slz.wires.wire import Wire
 from slz.wires.wire_marks import WireMarks
@@ -46,9 +47,15 @@ def state(pipe: Pipeline) -> NDArray[np.uint8]:
     return pipe.state("near", Box(row, row + 240, col, col + 240))
 
 
+def with_gap(rng: np.random.Generator, sensor: Floats) -> Floats:
+    """Return returns of the wire but for its middle 8 m."""
+    points = wire(LINE, 0.6)(rng, sensor)
+    return points[np.abs(points[:, 0]) > 4.0]
+
+
 @pytest.fixture(scope="module")
 def with_wire() -> tuple[Pipeline, list[Report]]:
-    return fly([ground(40.0, half_m=20.0), wire(LINE, 0.6)])
+    return fly([ground(40.0, half_m=20.0), with_gap])
 
 
 @pytest.fixture(scope="module")
@@ -67,9 +74,9 @@ def test_the_report_has_the_wire_in_the_frame(with_wire: tuple[Pipeline, list[Re
 def test_ground_under_a_wire_is_not_safe_though_no_return_hit_there(
     with_wire: tuple[Pipeline, list[Report]], without_wire: tuple[Pipeline, list[Report]]
 ) -> None:
-    """The line at 6 m north, half a footprint to both sides; the same ground is safe without it."""
+    """The line at 6 m north where nothing was hit, half a footprint to both sides; safe without the wire."""
     band = slice(round((24 + 6 - 0.8) / 0.2), round((24 + 6 + 0.8) / 0.2))
-    columns = slice(80, 160)
+    columns = slice(round((24 - 2.5) / 0.2), round((24 + 2.5) / 0.2))
     there, free = state(with_wire[0])[band, columns], state(without_wire[0])[band, columns]
     assert (free == SAFE).mean() > 0.9
     assert not (there == SAFE).any()
@@ -97,6 +104,24 @@ def test_ways_under_a_wire_are_blocked(
         assert (point.corridors.states[0, 0] == UNSAFE) == blocked
         assert (point.corridors.least_deg[0] > 45.0) == blocked
         assert point.corridors.states[36, 0] != UNSAFE
+
+
+def test_ways_meet_a_wire_over_ground_that_was_never_seen() -> None:
+    settings = ["zone_m=60", "min_boundary_points=10", "register_m=0", "adaptive=off"]
+    parameters = params.load("quadcopter", settings)
+    pipe = Pipeline(parameters, (0.0, 0.0))
+    points = seen([ground(12.0)], WAY[-1], np.random.default_rng(1))
+    points = np.ascontiguousarray(points[points[:, 1] < 2.0])
+    pipe.process(Window(points, np.zeros(len(points), np.int64), WAY[-1], FRAME, 0, 0))
+    assert pipe.method.maps is not None
+    near, far = (one.terrain for one in pipe.method.maps)
+    here, marks = np.zeros(3), WireMarks()
+    marks.update([line(9.0, 6.0)])
+    free = corridors(here, near, far, None, parameters)
+    blocked = corridors(here, near, far, None, parameters, marks.points_m)
+    assert free.states[0, 0] == UNKNOWN
+    assert blocked.states[0, 0] == UNSAFE
+    assert blocked.states[36, 0] == free.states[36, 0]
 
 
 def line(height_m: float = 9.0, north_m: float = 6.0, number: int = 1) -> Wire:
