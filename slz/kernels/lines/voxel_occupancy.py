@@ -207,12 +207,13 @@ def around_curve(
     rings = len(RING_M)
     places = np.empty((len(curve) * DIRECTIONS * rings, 3))
     known = np.zeros((len(curve), DIRECTIONS, rings), np.uint8)
+    angles = 2 * math.pi / DIRECTIONS * np.arange(DIRECTIONS)
+    asides, ups = np.cos(angles), np.sin(angles)
     n = 0
     for i in range(len(curve)):
         floor = floor_below(curve[i, 0], curve[i, 1], lowest, cell)
         for d in range(DIRECTIONS):
-            angle = 2 * math.pi * d / DIRECTIONS
-            aside, up = math.cos(angle), math.sin(angle)
+            aside, up = asides[d], ups[d]
             for k in range(rings):
                 x, y = curve[i, 0] + RING_M[k] * aside * north, curve[i, 1] - RING_M[k] * aside * east
                 z = curve[i, 2] + RING_M[k] * up
