@@ -16,7 +16,7 @@ from slz.report import MapReport
 from slz.stage_clock import StageClock
 from slz.terrain.terrain_view import DisplayedTerrain
 from slz.window import Window
-from slz.wires.wire import Wire
+from slz.wires.detected_wire import Wire
 from slz.zone import Zone
 
 Points = NDArray[np.float64]

@@ -10,7 +10,7 @@ from slz.frame import LocalFrame
 from slz.grid import Grid
 from slz.landing_point.judgement import SelectedPoint
 from slz.landing_point.local_heights import Nearby
-from slz.wires.wire import Wire
+from slz.wires.detected_wire import Wire
 from slz.zone import Zone
 
 

@@ -9,8 +9,8 @@ from typing import Protocol
 from companion.flight.landing.executive import Executive
 from companion.flight.landing.landing_point_announcer import LandingPointAnnouncer
 from companion.flight.landing.situation import Phase, Severity
-from companion.flight.landing.wire_announcer import WireAnnouncer
 from companion.flight.link.link import Link
+from companion.flight.outputs.wire_announcer import WireAnnouncer
 from slz import Report
 
 log = logging.getLogger(__name__)

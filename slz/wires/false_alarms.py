@@ -39,7 +39,7 @@ def log_false_alarms(
     occupied, above
         (directions, rings) numbers of voxels around the curve: occupied, and of all high over the floor.
     returns
-        Stored returns, of which any three define a curve.
+        Number of stored returns; any three of them define a curve.
     """
     all_around = _share(int(occupied.sum()), int(above.sum())) * math.pi * tube_m**2 / VOXEL_M**2
     in_plane = _fullest(occupied, above, places) * 2 * tube_m / VOXEL_M

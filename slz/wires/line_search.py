@@ -42,7 +42,7 @@ class Found:
 
 
 def new_wires(candidates: WireCandidates, first_new: int, air: OccupiedAir) -> Iterator[Found]:
-    """Yield the wires of which the newest returns, from index `first_new` on, are part."""
+    """Yield the wires that some of the newest returns, from index `first_new` on, belong to."""
     n = len(candidates)
     if n < FEWEST or first_new >= n:
         return

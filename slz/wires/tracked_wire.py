@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from slz.kernels.lines.curve_fit import GAP_M, GATES
 from slz.kernels.lines.line_votes import rays_past
+from slz.wires.detected_wire import Wire
 from slz.wires.line_search import MOST_MISFIT, Found, is_explained
 from slz.wires.occupied_air import OccupiedAir
 from slz.wires.sagging_curve import SaggingCurve, fit_curve
-from slz.wires.wire import Wire
 from slz.wires.wire_candidates import WireCandidates
 
 MOST_RETURNS = 400  # kept for the fit

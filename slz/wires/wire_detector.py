@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.air.seen_air import SeenAir
 from slz.frame import is_known
+from slz.wires.detected_wire import Wire
 from slz.wires.line_search import new_wires
 from slz.wires.occupied_air import OccupiedAir
 from slz.wires.tracked_wire import TrackedWire
-from slz.wires.wire import Wire
 from slz.wires.wire_candidates import WireCandidates
 
 LEAST_OVER_M = 2.5  # over the floor: lower is a fence

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Edges
-from slz.wires.wire import Wire
+from slz.wires.detected_wire import Wire
 
 STEP_M = 0.1
 MOST_ASIDE_M = 1.0

@@ -68,7 +68,7 @@ def heights_over_floor(
         (SIDE, SIDE, 2) the last return below the floor of each cell and that floor, and its row and column.
         Two returns below the floor, one after the other and within `AGREED_M`, are the floor.
     number, below, known
-        Of the window, and (SIDE, SIDE) scratch: the floor below each cell, and of which window that is.
+        Number of the window, and (SIDE, SIDE) scratch: the floor below each cell, and the window it is of.
     """
     out, mask = np.empty(len(points)), SIDE - 1
     for i in range(len(points)):

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 import params
-from slz.wires.wire import Wire
+from slz.wires.detected_wire import Wire
 from slz.wires.wire_detector import MOST_WIRES, WireDetector
 from tests.unit.slz.wires.worlds import (
     Body,

@@ -10,8 +10,8 @@ import params
 from slz import SAFE, UNKNOWN, UNSAFE, LocalFrame, Pipeline, Report, Window
 from slz.grid import Box
 from slz.landing_point.corridors import corridors
+from slz.wires.detected_wire import Wire
 from slz.wires.sagging_curve import SaggingCurve
-from slz.wires.wire import Wire
 from slz.wires.wire_marks import WireMarks
 from tests.unit.slz.wires.worlds import Body, Catenary, approach, ground, seen, wire
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import params
 from slz.air.seen_air import SeenAir
-from slz.wires.wire import Wire
+from slz.wires.detected_wire import Wire
 from slz.wires.wire_detector import WireDetector
 
 Floats = NDArray[np.float64]
