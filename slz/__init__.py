@@ -18,6 +18,7 @@ from slz.surface.surface_kinds import SurfaceHere, SurfaceKind
 from slz.terrain.changes import Drawn, DrawnTile
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE, TerrainMaps
 from slz.window import PointAttributes, Scan, Window, Windower, join
+from slz.wires.detected_wire import Wire
 from slz.zone import LandingPoint, Zone, zone_mask
 
 __all__ = [
@@ -53,6 +54,7 @@ __all__ = [
     "TerrainMaps",
     "Window",
     "Windower",
+    "Wire",
     "Zone",
     "join",
     "only_objects",

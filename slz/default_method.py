@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
@@ -40,6 +41,8 @@ from slz.stage_clock import StageClock
 from slz.surface.surface_map import NO_SIGNAL, Signal, SurfaceMap
 from slz.terrain.arrivals import Arrivals
 from slz.window import Window
+from slz.wires.wire_detector import WireDetector
+from slz.wires.wire_marks import WireMarks
 from slz.zones.zone_map import ZoneMap
 
 Points = NDArray[np.float64]
@@ -57,7 +60,8 @@ class KeptPoints:
 
     points: (n, 3). alone: (n,), those that are not for the near map. isolated: (m, 3), judged together with
     those of other windows. source, isolated_source: (n,) and (m,) indices in the window; source is None where
-    it tells nothing more of them.
+    it tells nothing more of them. distant, distant_source: (k, 3) and (k,) isolated ones too far to be
+    judged, which may be of wires.
     """
 
     points: Points
@@ -65,6 +69,8 @@ class KeptPoints:
     isolated: Points
     source: NDArray[np.int64] | None
     isolated_source: NDArray[np.int64]
+    distant: Points
+    distant_source: NDArray[np.int64]
 
 
 class DefaultMethod:
@@ -101,6 +107,7 @@ class DefaultMethod:
         self._surface = SurfaceMap(0.0, 0.0, parameters)
         self._arrivals = Arrivals(0.0, 0.0, parameters)
         self.air = SeenAir(parameters)
+        self._wires, self._marks = WireDetector(parameters, self.air), WireMarks()
         self.prior = None if prior is None else Prior(prior, parameters)
 
     @property
@@ -125,10 +132,11 @@ class DefaultMethod:
             self._arrivals = Arrivals(near.tiles.west_m, near.tiles.south_m, self._p)
             near.terrain.arrivals = far.terrain.arrivals = self._arrivals
             self.air = SeenAir(self._p)
+            self._wires, self._marks = WireDetector(self._p, self.air), WireMarks()
         near_ones = within(points, sensor_enu_m, reach_m(self._p))
         trusted = near_ones & ~alone
         with run_concurrently(self._other, self._chosen, window, _picked(points, near_ones), far) as chosen:
-            points, isolated = self._registered(kept, near_ones, sensor_enu_m, near, window)
+            points, isolated, distant = self._registered(kept, near_ones, sensor_enu_m, near, window)
             raised = self._raised(points, alone, sensor_enu_m, near)
             self._follow_rays(points, window, kept, near)
         choice = chosen.result()
@@ -136,7 +144,6 @@ class DefaultMethod:
         ground, judged, settled = self._without_arrivals(
             points, raised, isolated, sensor_enu_m, window, kept, near
         )
-        isolated = _picked(isolated, judged)
         clock.lap("arrivals")
         pinned = None if selected is None else selected.enu_m
         for zone_map in (near, far):
@@ -144,9 +151,12 @@ class DefaultMethod:
         stamp_s = window.end_ns * 1e-9
         altered = self._surface_of(points, trusted, sensor_enu_m, near, stamp_s, window, kept)
         clock.lap("surface")
+        altered += self._find_wires(points, isolated, distant, kept, sensor_enu_m, near, far, window)
+        clock.lap("wires")
         of_near, of_far = (_picked(points, which) for which in (ground & (trusted | raised), ground))
         if len(settled):
             of_near, of_far = (np.concatenate([some, settled]) for some in (of_near, of_far))
+        isolated = _picked(isolated, judged)
         with run_concurrently(
             self._other, far.add_points, of_far, sensor_enu_m, stamp_s, None, near.tiles, math.inf, altered
         ):
@@ -155,13 +165,14 @@ class DefaultMethod:
         near.identify(sensor_enu_m)
         far.identify(sensor_enu_m)
         clock.lap("zones")
-        near.judge_ways(lambda enu_m: corridors(enu_m, near.terrain, far.terrain, self.air, self._p))
+        near.judge_ways(self._corridors_of(near, far))
         clock.lap("corridors")
         if self.prior is not None:
             live, tiles = (near.terrain, far.terrain), near.tiles
             self.prior.update(points, sensor_enu_m, window.frame, tiles.latest_s, live, tiles.datum_m)
             clock.lap("prior")
-        return MethodResult(near, far, choice, int((trusted | raised).sum()))
+        wires = self._wires.wires(near.tiles.datum_m)
+        return MethodResult(near, far, choice, int((trusted | raised).sum()), wires)
 
     def without_map(self, enu_m: Points, before: SelectedPoint | None) -> SelectedPoint:
         """Return an unknown point: evidence that neither map has is too old, or was given up."""
@@ -171,8 +182,7 @@ class DefaultMethod:
         """Return the ways in and out of a point (3,)."""
         if self.maps is None:
             return None
-        near, far = self.maps
-        return corridors(enu_m, near.terrain, far.terrain, self.air, self._p)
+        return self._corridors_of(*self.maps)(enu_m)
 
     def watched_ground(self, enu_m: Points) -> WatchedGround | None:
         """Return the near map's ground at a point (3,), None before any window."""
@@ -212,17 +222,21 @@ class DefaultMethod:
         kept = picked(points, keep)
         if not in_flight:
             source = None if source is None else source[keep]
-            return KeptPoints(kept, np.zeros(len(kept), bool), np.empty((0, 3)), source, NONE)
+            none = np.empty((0, 3))
+            return KeptPoints(kept, np.zeros(len(kept), bool), none, source, NONE, none, NONE)
         isolated = picked(points, ~keep)
         mostly = len(isolated) > len(kept)
         dense = is_dense_at(isolated, sensor_enu_m, len(points))
         judged = within(isolated, sensor_enu_m, THIN_REACH * reach_m(p)) & ~dense
-        isolated = picked(isolated, judged)
-        of_isolated = NONE if source is None else source[~keep][judged]
+        far_off = ~(judged | dense)
+        distant, isolated = picked(isolated, far_off), picked(isolated, judged)
+        of_isolated, of_distant = (
+            (NONE, NONE) if source is None else (source[~keep][judged], source[~keep][far_off])
+        )
         if mostly:
-            return KeptPoints(points.copy(), ~keep, isolated, source, of_isolated)
-        source = None if source is None else source[keep]
-        return KeptPoints(kept, np.zeros(len(kept), bool), isolated, source, of_isolated)
+            return KeptPoints(points.copy(), ~keep, isolated, source, of_isolated, distant, of_distant)
+        source, alone = None if source is None else source[keep], np.zeros(len(kept), bool)
+        return KeptPoints(kept, alone, isolated, source, of_isolated, distant, of_distant)
 
     def _surface_of(
         self,
@@ -249,6 +263,37 @@ class DefaultMethod:
             return
         self.air.add(points, origin[kept.source], origins, near.tiles.datum_m)
 
+    def _find_wires(
+        self,
+        points: Points,
+        isolated: Points,
+        distant: Points,
+        kept: KeptPoints,
+        sensor: Points,
+        near: ZoneMap,
+        far: ZoneMap,
+        window: Window,
+    ) -> list[Edges]:
+        """Seek wires in all returns, and mark them on both maps; return the edges of places that change."""
+        datum_m = np.array([0.0, 0.0, near.tiles.datum_m])
+        parts, source = [points, isolated, distant], kept.source
+        if kept.alone.any():  # then the isolated ones are among the points
+            parts = [points]
+        together, rays = np.concatenate(parts), None
+        if source is not None and window.origin is not None and window.origins_enu_m is not None:
+            sources = [source, kept.isolated_source, kept.distant_source][: len(parts)]
+            rays = window.origin[np.concatenate(sources)], window.origins_enu_m - datum_m
+        stamp_ns = window.end_ns
+        self._wires.update(together, sensor - datum_m, near.tiles.latest_s, stamp_ns, rays)
+        altered = self._marks.update(self._wires.wires(0.0))
+        near.terrain.wires_m = far.terrain.wires_m = self._marks.points_m
+        return altered
+
+    def _corridors_of(self, near: ZoneMap, far: ZoneMap) -> Callable[[Points], Corridors]:
+        """Return what judges the ways in and out of a point (3,)."""
+        wires = self._marks.points_m + np.array([0.0, 0.0, near.tiles.datum_m])
+        return lambda enu_m: corridors(enu_m, near.terrain, far.terrain, self.air, self._p, wires)
+
     def _chosen(self, window: Window, points_enu_m: Points, far: ZoneMap) -> Choice:
         """Choose the next window and the far map's level, and set that level."""
         choice = self._adapter.choose(window, points_enu_m)
@@ -257,8 +302,8 @@ class DefaultMethod:
 
     def _registered(
         self, kept: KeptPoints, used: Flags, sensor: Points, near: ZoneMap, window: Window
-    ) -> tuple[Points, Points]:
-        """Return points and isolated points in the near map's stored heights.
+    ) -> tuple[Points, Points, Points]:
+        """Return points, isolated and distant points in the near map's stored heights.
 
         The drift of the used points moves its datum.
         """
@@ -270,12 +315,14 @@ class DefaultMethod:
             found = offset(ground, sensor, p.register_m)
         points = found.removed_from(kept.points, sensor, tiles.datum_m)
         isolated = found.removed_from(kept.isolated, sensor, tiles.datum_m)
+        distant = found.removed_from(kept.distant, sensor, tiles.datum_m)
         tiles.datum_m += found.up_m
         if not registers or window.origin is None or window.origins_enu_m is None or kept.source is None:
-            return points, isolated
+            return points, isolated, distant
         scan, of_isolated = window.origin[kept.source], window.origin[kept.isolated_source]
         swayed = sway(points, which, scan, window.origins_enu_m, tiles, ground)
-        return swayed.removed_from(points, scan), swayed.removed_from(isolated, of_isolated)
+        distant = swayed.removed_from(distant, window.origin[kept.distant_source])
+        return swayed.removed_from(points, scan), swayed.removed_from(isolated, of_isolated), distant
 
     def _raised(self, points: Points, alone: Flags, sensor: Points, near: ZoneMap) -> Flags:
         """Return which points are above known ground of the near map, at any range: they count at once."""

@@ -16,6 +16,7 @@ from slz.report import MapReport
 from slz.stage_clock import StageClock
 from slz.terrain.terrain_view import DisplayedTerrain
 from slz.window import Window
+from slz.wires.detected_wire import Wire
 from slz.zone import Zone
 
 Points = NDArray[np.float64]
@@ -36,13 +37,14 @@ class ResolutionMap(Protocol):
 class MethodResult:
     """Outcome of one window.
 
-    n_used: points near enough for the near map.
+    n_used: points near enough for the near map. wires: known now.
     """
 
     near: ResolutionMap
     far: ResolutionMap
     choice: Choice
     n_used: int
+    wires: tuple[Wire, ...] = ()
 
 
 class Method(Protocol):

@@ -103,6 +103,7 @@ class Pipeline:
             stage_ms=clock.ms,
             nearby=around,
             prior=self.method.prior_report(),
+            wires=result.wires,
         )
 
     def begin_new_map(self) -> None:

@@ -10,6 +10,7 @@ from slz.frame import LocalFrame
 from slz.grid import Grid
 from slz.landing_point.judgement import SelectedPoint
 from slz.landing_point.local_heights import Nearby
+from slz.wires.detected_wire import Wire
 from slz.zone import Zone
 
 
@@ -31,7 +32,7 @@ class Report:
     memory budget, and tiles evicted. far_is_active: the far map is the one to land by. stage_ms: processing
     time by stage. nearby: heights around the vehicle, None where its position is unknown. prior: zones on
     ground surveyed before the flight, None without a survey: to fly to and inspect, and never to land in
-    before the other maps confirm them.
+    before the other maps confirm them. wires: power lines and cables known now.
     """
 
     stamp_ns: int
@@ -48,6 +49,7 @@ class Report:
     stage_ms: Mapping[str, float]
     nearby: Nearby | None = None
     prior: MapReport | None = None
+    wires: tuple[Wire, ...] = ()
 
     @property
     def active(self) -> MapReport:

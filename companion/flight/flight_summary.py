@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from companion.flight.flight_view import FlightView
 from companion.flight.landing.situation import Phase
+from companion.flight.outputs.wire_summary import wire_summary
 from companion.flight.outputs.zone_summary import choice_summary, point_summary, zone_summary
 from slz import LocalFrame, Report
 
@@ -55,12 +56,13 @@ def flight_summary(flight: FlightView) -> dict[str, Any]:
 
 def _found(report: Report | None) -> dict[str, Any]:
     if report is None:
-        return {"zones": [], "choice": None, "point": None}
+        return {"zones": [], "choice": None, "point": None, "wires": []}
     selected = report.selected
     return {
         "zones": [zone_summary(zone, report.frame) for zone in report.zones],
         "choice": choice_summary(report),
         "point": None if selected is None else point_summary(selected, report.frame),
+        "wires": [wire_summary(wire, report.frame) for wire in report.wires],
     }
 
 

@@ -10,6 +10,7 @@ from companion.flight.landing.executive import Executive
 from companion.flight.landing.landing_point_announcer import LandingPointAnnouncer
 from companion.flight.landing.situation import Phase, Severity
 from companion.flight.link.link import Link
+from companion.flight.outputs.wire_announcer import WireAnnouncer
 from slz import Report
 
 log = logging.getLogger(__name__)
@@ -23,7 +24,7 @@ class ReportUser(Protocol):
 
 
 class ReportFeed:
-    """Hands reports on and tells the pilot when the selected point changes.
+    """Hands reports on and tells the pilot when the selected point changes, and of wires.
 
     Parameters
     ----------
@@ -41,6 +42,7 @@ class ReportFeed:
     ) -> None:
         self._link, self._executive, self._users = link, executive, users
         self._announcer = LandingPointAnnouncer(executive.state.parameters)
+        self._wire_announcer = WireAnnouncer()
         self.zones_seen: set[int] = set()
 
     def on_report(self, report: Report) -> None:
@@ -49,7 +51,10 @@ class ReportFeed:
             if user is not None:
                 user.use_report(report)
         self.zones_seen.update(zone.id for zone in report.zones)
-        news = self._announcer.update(report)
+        self._announce(self._wire_announcer.update(report))
+        self._announce(self._announcer.update(report))
+
+    def _announce(self, news: tuple[Severity, str] | None) -> None:
         if news is not None and self._executive.phase is not Phase.FAILSAFE:  # nobody lands there
             log.info(news[1])
             self._link.statustext(news[1], news[0].value)

@@ -13,6 +13,7 @@ from slz.kernels.air.seen_columns import (
     NOWHERE,
     SIDE,
     follow_rays,
+    rays_through,
     unseen_slopes,
 )
 
@@ -61,6 +62,10 @@ class SeenAir:
         first, self._windows = self._windows % stride, self._windows + 1
         origins = np.ascontiguousarray(origins_enu_m - (0.0, 0.0, datum_m))
         follow_rays(points_m, origin, origins, first, stride, self.voxel_m, self._passed, self._column)
+
+    def rays_through(self, points_m: NDArray[np.float64]) -> NDArray[np.uint8]:
+        """Return (n,) the rays that passed the voxels of points (n, 3) in stored heights, up to 255."""
+        return rays_through(np.ascontiguousarray(points_m), self.voxel_m, self._passed, self._column)
 
     def unseen(
         self,

@@ -81,6 +81,7 @@ def corridors(
     far: TerrainView,
     air: SeenAir | None,
     parameters: Parameters,
+    wires_enu_m: NDArray[np.float64] | None = None,
 ) -> Corridors:
     """Return the corridors of a point (3,); all unknown where its height is.
 
@@ -91,6 +92,8 @@ def corridors(
         counts only where the near one does not know all the ground.
     air
         Air that rays passed; None where no ray is known, as in a survey of files: then nothing is clear.
+    wires_enu_m
+        Points (n, 3) along wires, which block what is below them, over unknown ground too.
     """
     p = parameters
     slopes_deg = (p.approach_slope_deg, *(slope for slope in SLOPES_DEG if slope > p.approach_slope_deg))
@@ -111,6 +114,8 @@ def corridors(
         if known is not None:
             forget_known(top, *lattice, known[0], *known[1], floor_m)
         known = ground, lattice
+        if wires_enu_m is not None:
+            _raise_to(wires_enu_m, top, *lattice)
         safe, place = terrain.state(box) == SAFE, (float(enu_m[0]), float(enu_m[1]), floor_m)
         shape = radius_m, SPREAD, to_m, float(slopes[0])
         clear_over(top, safe, *lattice, *place, *shape, tangents, obstacles)
@@ -121,6 +126,19 @@ def corridors(
         states[~air.unseen(floor, float(enu_m[2]) + high_m, slopes, shape, blocked)] = SAFE
     states[blocked] = UNSAFE
     return Corridors(enu_m, slopes_deg, states, np.degrees(np.arctan(tangents)), obstacles)
+
+
+def _raise_to(
+    points_enu_m: NDArray[np.float64], top: NDArray[np.float32], south_m: float, west_m: float, cell_m: float
+) -> None:
+    """Raise the tops of cells to the points (n, 3) over them."""
+    row = np.floor((points_enu_m[:, 1] - south_m) / cell_m).astype(np.int64)
+    col = np.floor((points_enu_m[:, 0] - west_m) / cell_m).astype(np.int64)
+    inside = (row >= 0) & (col >= 0) & (row < top.shape[0]) & (col < top.shape[1])
+    row, col = row[inside], col[inside]
+    before = top[row, col]
+    top[row, col] = np.where(np.isnan(before), -np.inf, before)
+    np.maximum.at(top, (row, col), points_enu_m[inside, 2].astype(np.float32))
 
 
 def corridor_radius_m(parameters: Parameters) -> float:

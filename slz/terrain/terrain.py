@@ -31,6 +31,7 @@ from slz.kernels.cells.cell_record import TILE
 from slz.kernels.cells.cell_statistics import summary
 from slz.kernels.cells.resolution_pyramid import downsample
 from slz.kernels.footprint.patch import COLS, rows_of_patch
+from slz.kernels.lines.wire_tops import raise_tops
 from slz.kernels.points.clutter import put_onto
 from slz.kernels.raster.bitmap import Bits
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
@@ -84,6 +85,7 @@ class EvidenceTerrain(UnboundedTerrain):
     serial: number of the maps; it changes when all tiles must be read again. changed_tiles: tiles
     derived or dropped since the set was last emptied. surface: what refuses ground for its surface, None for
     nothing. arrivals: what has come to stand on the ground, drawn over the evidence, None for nothing.
+    wires_m: (n, 3) points along wires, in stored heights, which are tops of the ground below.
     """
 
     def __init__(
@@ -106,6 +108,7 @@ class EvidenceTerrain(UnboundedTerrain):
         self._thin = ThinObjects()
         self.surface: Surface | None = None
         self.arrivals: Arrivals | None = None
+        self.wires_m = np.empty((0, 3))
         self._footings: dict[Box, tuple[bytes, Footing]] = {}  # by digest of the cells; used last at the end
         self._oldest_s: dict[Key, float] = {}  # last seen time of the cell not seen for longest
         self._reach = reach_of(parameters, grid.cell_m)
@@ -282,6 +285,8 @@ class EvidenceTerrain(UnboundedTerrain):
             put_onto(self._thin.found_enu_m, west_m, south_m, cell_m, cells)
         if self.arrivals is not None and len(self.arrivals.points_enu_m):
             put_onto(self.arrivals.points_enu_m, west_m, south_m, cell_m, cells)
+        if len(self.wires_m):
+            raise_tops(self.wires_m, west_m, south_m, cell_m, self._reach.gap, cells)
         return cells
 
     def _derive(self, box: Box) -> None:
@@ -317,7 +322,7 @@ class EvidenceTerrain(UnboundedTerrain):
         west_m, south_m = self.tiles.west_m + col0 * cell_m, self.tiles.south_m + row0 * cell_m
         new = EvidenceTerrain(Grid(west_m, south_m, cell_m, side, side), self._parameters, self.tiles, level)
         new.pinned, new._aged_s, new._thin = self.pinned, self._aged_s, self._thin
-        new.surface, new.arrivals = self.surface, self.arrivals
+        new.surface, new.arrivals, new.wires_m = self.surface, self.arrivals, self.wires_m
         new._seen = _widened(_scaled(self._seen, self.level), level, 0)
         new._derive_all(self.tiles.boxes)
         new._oldest_s = dict(self._oldest_s)

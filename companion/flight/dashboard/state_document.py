@@ -15,9 +15,10 @@ from companion.flight.geometry.wind import Wind
 from companion.flight.landing.situation import COMMANDING, Emergency
 from companion.flight.landing.ways.approach_path import ApproachPath
 from companion.flight.link.vehicle_state import VehicleState
-from slz import MovingObject
+from slz import MovingObject, Report, Wire
 
 LATENCIES = 300
+WIRE_STEP_M = 4.0
 
 
 def state(flight: FlightView) -> dict[str, Any]:
@@ -50,6 +51,7 @@ def state(flight: FlightView) -> dict[str, Any]:
         **_motion(pose),
         "wind": _wind(s.wind),
         "moving": [_moving(one, s.now_ns) for one in s.moving],
+        "wires": _wires(flight.report),
         "emergency": _emergency(executive.emergency(s)),
         **_ways(*executive.ways(s)),
         "height_m": _finite(flight.streams.height_m, 1),
@@ -86,6 +88,7 @@ def replayed(history: PoseHistory, vehicle: VehicleState, at_ns: int) -> dict[st
         **_motion(pose),
         "wind": None,
         "moving": [],
+        "wires": [],
         "emergency": None,
         **_ways(None, None),
         "height_m": None,
@@ -136,6 +139,30 @@ def _moving(one: MovingObject, now_ns: int) -> dict[str, Any]:
         "radius_m": round(one.radius_m, 1),
         "height_m": round(one.height_m, 1),
     }
+
+
+def _wires(report: Report | None) -> list[dict[str, Any]]:
+    """Return wires as points along them: where they were seen, and where they go on."""
+    out = []
+    for wire in () if report is None else report.wires:
+        points, _, seen = wire.sampled(WIRE_STEP_M)
+        out.append(
+            {
+                "number": wire.number,
+                "enu_m": [_rounded(point) for point in points],
+                "seen": seen.tolist(),
+                "over_m": _over_ground_m(report, wire),
+            }
+        )
+    return out
+
+
+def _over_ground_m(report: Report | None, wire: Wire) -> float | None:
+    """Return the height of the middle of a wire over the ground around the vehicle, None where unknown."""
+    middle = wire.ends_enu_m.mean(axis=0)
+    if report is None or report.nearby is None:
+        return None
+    return _finite(float(middle[2]) - report.nearby.ground_below_m(middle), 1)
 
 
 def _motion(pose: Pose | None) -> dict[str, Any]:

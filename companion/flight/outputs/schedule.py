@@ -14,6 +14,7 @@ from companion.flight.geometry.pose import Pose
 from companion.flight.link.link import Link
 from companion.flight.mapping.clearance import BAND_M, band_m, height_m, obstacle_points_enu_m
 from companion.flight.mapping.recent_obstacles import RecentObstacles
+from companion.flight.mapping.wire_points import wire_points_enu_m
 from companion.flight.outputs.cadence import Cadence
 from companion.flight.outputs.distance_sensor import downward_distance
 from companion.flight.outputs.landing_status import Status, status_messages
@@ -106,17 +107,18 @@ class MessageSchedule:
         return {name: cadence.summary() for name, cadence in self._cadences.items()}
 
     def around_level_m(self, pose: Pose, at_ns: int, low_m: float) -> Floats:
-        """Return obstacles (n, 3) in level forward-right-down: fresh returns, and the map's cells.
+        """Return obstacles (n, 3) in level forward-right-down: fresh returns, the map's cells, and wires.
 
         Cells reach from the ground to their tops; those lower than `low_m` below the vehicle are left out. A
-        cell counts as `CELL_POINTS` points, so that it is not taken for dust.
+        cell and a place of a wire count as `CELL_POINTS` points, so that they are not taken for dust.
         """
         fresh, around = self._memory.level_frd_m(pose, at_ns), self._around()
-        if around is None:
-            return fresh.copy()
-        columns = around.columns_enu_m(float(pose.position_enu_m[2]) - low_m)
-        columns[:, 2] = np.minimum(columns[:, 2], pose.position_enu_m[2])
-        return np.concatenate([fresh, np.repeat(level_frd_m(columns, pose), CELL_POINTS, axis=0)])
+        solid = self._wires_enu_m(pose, FARTHEST_M)
+        if around is not None:
+            columns = around.columns_enu_m(float(pose.position_enu_m[2]) - low_m)
+            columns[:, 2] = np.minimum(columns[:, 2], pose.position_enu_m[2])
+            solid = np.concatenate([columns, solid])
+        return np.concatenate([fresh, np.repeat(level_frd_m(solid, pose), CELL_POINTS, axis=0)])
 
     # ---- the streams ----------------------------------------------------------------------------
 
@@ -158,8 +160,9 @@ class MessageSchedule:
         columns = np.empty((0, 3))
         if around is not None:
             columns = level_frd_m(around.columns_enu_m(float(pose.position_enu_m[2]) - band[1]), pose)
+        wires = level_frd_m(self._wires_enu_m(pose, reach_m), pose)
         message = obstacle_distance(
-            self._memory.level_frd_m(pose, at_ns),
+            np.concatenate([self._memory.level_frd_m(pose, at_ns), wires]),
             at_ns,
             min_m=p.lidar_min_m,
             max_m=reach_m,
@@ -175,6 +178,7 @@ class MessageSchedule:
             return
         selected = None if self.report is None else self.report.selected
         points = obstacle_points_enu_m(pose.position_enu_m, around, selected, low_m)
+        points = np.concatenate([points, self._wires_enu_m(pose, reach_m)])
         self._batch_ms = max(self._batch_ms + 1, self._boot_ms())
         least_m = self._parameters.lidar_min_m
         for message in obstacle_points(points, pose, self._batch_ms, min_m=least_m, max_m=reach_m):
@@ -219,6 +223,10 @@ class MessageSchedule:
     def _around(self) -> Nearby | None:
         old = self.report is None or now_ns() - self._report_ns > REPORT_NS
         return None if old or self.report is None else self.report.nearby
+
+    def _wires_enu_m(self, pose: Pose, reach_m: float) -> Floats:
+        """Return points along the wires around the vehicle; they stay however old the report is."""
+        return wire_points_enu_m(self.report, pose.position_enu_m, reach_m)
 
     def _boot_ms(self) -> int:
         return self._link.vehicle.boot_ms or 0

@@ -45,10 +45,11 @@ from numpy.typing import NDArray
 
 from companion.flight.geometry.pose import Pose as VehiclePose
 from companion.flight.geometry.wind import Wind
+from companion.flight.outputs.wire_summary import wire_feature
 from companion.flight.outputs.zone_feature import zone_feature
 from companion.flight.recorder import foxglove_moving, journal
 from companion.flight.recorder.foxglove_ways import ways, wind_arrow
-from slz import LocalFrame, MovingObject, PointState, Report, SurfaceKind, Window, Zone
+from slz import LocalFrame, MovingObject, PointState, Report, SurfaceKind, Window, Wire, Zone
 
 MAP, BODY = "map", "base_link"
 POINTS, ZONES, MOVING, GEOJSON, TRANSFORM, FIX, LOG, PARAMETERS = (
@@ -65,6 +66,7 @@ MOST_POINTS = 20_000
 LIFT_M = 0.3  # height of lines above the ground
 # The sources draw the largest zone dark green, the others light green.
 BEST, OTHER = Color(r=0.0, g=0.4, b=0.1, a=1.0), Color(r=0.45, g=0.85, b=0.45, a=1.0)
+WIRE, EXPECTED = Color(r=1.0, g=0.69, b=0.0, a=1.0), Color(r=1.0, g=0.69, b=0.0, a=0.4)
 POINT_COLOURS = {
     PointState.SAFE: Color(r=0.1, g=0.5, b=1.0, a=0.9),
     PointState.UNSAFE: Color(r=0.9, g=0.1, b=0.1, a=0.9),
@@ -105,9 +107,10 @@ def cloud(window: Window, at_ns: int) -> PointCloud:
 
 
 def scene(report: Report, at_ns: int, wind: Wind | None = None) -> SceneUpdate:
-    """Return the zones as outlines with labels, the landing point as a sphere, its ways and the wind."""
+    """Return zones as outlines with labels, wires, the landing point as a sphere, its ways and the wind."""
     forget = Duration(sec=5)
     entities = [_zone(zone, rank, at_ns, forget) for rank, zone in enumerate(report.zones)]
+    entities += [_wire(wire, at_ns, forget) for wire in report.wires]
     selected = report.selected
     if selected is not None:
         east, north = (float(v) for v in selected.enu_m[:2])
@@ -159,14 +162,30 @@ def _zone(zone: Zone, rank: int, at_ns: int, lifetime: Duration) -> SceneEntity:
     )
 
 
+def _wire(wire: Wire, at_ns: int, lifetime: Duration) -> SceneEntity:
+    """Return a wire as a line, fainter where it is extrapolated."""
+    places, _, seen = wire.sampled(2.0)
+    line = LinePrimitive(
+        type=LinePrimitiveLineType.LineStrip,
+        points=[Point3(x=float(e), y=float(n), z=float(u)) for e, n, u in places],
+        colors=[WIRE if own else EXPECTED for own in seen],
+        thickness=3.0,
+        scale_invariant=True,
+    )
+    return SceneEntity(
+        timestamp=_stamp(at_ns), frame_id=MAP, id=f"wire {wire.number}", lifetime=lifetime, lines=[line]
+    )
+
+
 def _surface(zone: Zone) -> str:
     surface = zone.best.surface
     return "" if surface.kind is SurfaceKind.UNKNOWN else f", {surface.text}"
 
 
 def geojson(report: Report) -> GeoJson:
-    """Return the zones as GeoJSON polygons."""
+    """Return the zones as GeoJSON polygons, and the wires as lines."""
     features = [zone_feature(zone, report.grid, report.frame) for zone in report.zones]
+    features += [wire_feature(wire, report.frame) for wire in report.wires]
     return GeoJson(geojson=json.dumps({"type": "FeatureCollection", "features": features}))
 
 

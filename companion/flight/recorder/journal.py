@@ -9,7 +9,7 @@ companion's clock plus `clock_offset_ns` of the file's metadata `slz`.
 | /raw/mavlink/out | one sent MAVLink frame |
 | /raw/lidar | a batch of the sensor's packets with their arrival times |
 | /raw/event | JSON: a request for the autopilot's time; a map frame that began; a window that was processed |
-| /raw/report | JSON: zones and landing point of a window's report |
+| /raw/report | JSON: zones, landing point and wires of a window's report |
 | /raw/gap | JSON: number of the above messages that were lost here |
 """
 
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from companion.flight.mapping.window_event import WindowEvent
-from slz import LocalFrame, Report, SelectedPoint, Zone
+from slz import LocalFrame, Report, SelectedPoint, Wire, Zone
 
 VERSION = 1
 METADATA = "slz"
@@ -114,6 +114,7 @@ def report_document(report: Report) -> bytes:
             "near": [_zone(zone) for zone in report.near.zones],
             "far": [_zone(zone) for zone in report.far.zones],
             "selected": None if report.selected is None else _selected(report.selected),
+            "wires": [_wire(wire) for wire in report.wires],
         }
     ).encode()
 
@@ -135,6 +136,19 @@ def _zone(zone: Zone) -> dict[str, Any]:
             + np.ascontiguousarray(zone.boundary_cells).tobytes()
             + np.ascontiguousarray(zone.corners_enu_m).tobytes()
         ).hexdigest(),
+    }
+
+
+def _wire(wire: Wire) -> dict[str, Any]:
+    return {
+        "number": wire.number,
+        "ends": [[float(v) for v in end] for end in wire.ends_enu_m],
+        "place_m": wire.curve.place_m.tolist(),
+        "along": wire.curve.along.tolist(),
+        "heights": wire.curve.heights.tolist(),
+        "from_to_m": [wire.from_m, wire.to_m],
+        "returns": wire.n_returns,
+        "seen_ns": [wire.first_seen_ns, wire.last_seen_ns],
     }
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.air.swept_disc import bearings_within, passes
-from slz.kernels.argument_types import Array2D, Array3D, ReadOnly1D, ReadOnly2D
+from slz.kernels.argument_types import Array1D, Array2D, Array3D, ReadOnly1D, ReadOnly2D
 from slz.kernels.jit import kernel
 
 SIDE = 256  # columns of a row, a power of two: the column of a place is its index modulo SIDE
@@ -69,6 +69,22 @@ def follow_rays(
             up = level - column[a, b, BASE]
             if 0 <= up < LEVELS:
                 passed[a, b, up] = min(MOST_COUNT, int(passed[a, b, up]) + weight)
+
+
+@kernel
+def rays_through(
+    points: Array2D[np.float64], voxel: float, passed: Array3D[np.uint8], column: Array3D[np.int32]
+) -> Array1D[np.uint8]:
+    """Return (n,) rays that passed the voxels of points (n, 3); see `follow_rays`."""
+    out, mask = np.zeros(len(points), np.uint8), SIDE - 1
+    for i in range(len(points)):
+        r, c = int(np.floor(points[i, 1] / voxel)), int(np.floor(points[i, 0] / voxel))
+        a, b = r & mask, c & mask
+        if column[a, b, ROW] == r and column[a, b, COL] == c:
+            up = int(np.floor(points[i, 2] / voxel)) - column[a, b, BASE]
+            if 0 <= up < LEVELS:
+                out[i] = passed[a, b, up]
+    return out
 
 
 @kernel

@@ -14,6 +14,7 @@ SOURCES = (
     "companion/flight/map_frame.py",
     "companion/flight/mode_requests.py",
     "companion/flight/report_feed.py",
+    "companion/flight/outputs/wire_announcer.py",
     "companion/flight/command_execution.py",
     "companion/flight/situation_source.py",
     "companion/flight/landing/operator_order.py",

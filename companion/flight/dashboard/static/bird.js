@@ -2,6 +2,7 @@
 
 import { amount, fitCanvas } from "./dom.js";
 import { ahead, MOVING, movingWords, radiusOf } from "./moving.js";
+import { middle, pieces, WIRE, wireWords } from "./wires.js";
 import { rampColour } from "./paint.js";
 import { drawArrow, drawRose, roseRadius, windWords, WIND } from "./rose.js";
 import { holds, pathOf, patternsOf, STATE_STYLE, STYLE, styleOf, SURE_WORDS, surfaceWords } from "./zones.js";
@@ -173,6 +174,7 @@ export class BirdView {
     this._path(pen);
     this._way(pen, pose);
     this._selected(pen);
+    this._wires(pen);
     this._moving(pen);
     this._cursor(pen);
     if (pose) this._vehicle(pen, pose);
@@ -304,6 +306,29 @@ export class BirdView {
   }
 
   /** What moves, with the way it goes in two seconds. */
+  _wires(pen) {
+    const r = this._ratio;
+    for (const wire of this.model.state?.wires ?? []) {
+      for (const [colour, width] of [[WIRE.halo, 5 * r], [WIRE.line, 2.4 * r]]) {
+        pen.strokeStyle = colour;
+        pen.lineWidth = width;
+        for (const seen of [true, false]) {
+          pen.setLineDash(seen ? [] : [6 * r, 5 * r]);
+          pen.beginPath();
+          for (const [from, to] of pieces(wire).filter((piece) => piece[2] === seen)) {
+            pen.moveTo(...this.place(from[0], from[1]));
+            pen.lineTo(...this.place(to[0], to[1]));
+          }
+          pen.stroke();
+        }
+      }
+      pen.setLineDash([]);
+      const [e, n] = middle(wire);
+      const [x, y] = this.place(e, n);
+      this._tag(pen, x, y + 14 * r, wireWords(wire), WIRE.line);
+    }
+  }
+
   _moving(pen) {
     const r = this._ratio;
     for (const one of this.model.state?.moving ?? []) {

@@ -4,6 +4,7 @@ import { fitCanvas } from "./dom.js";
 import { add, drawsInSoftware, looking, multiply, perspective, program, project } from "./gl.js";
 import { Terrain } from "./terrain.js";
 import { ahead, MOVING, movingWords, radiusOf } from "./moving.js";
+import { middle, pieces, WIRE, wireWords } from "./wires.js";
 import { drawArrow, petals, reach, STEP_DEG, WAYS, WIND, windWords } from "./rose.js";
 import { STATE_STYLE, styleOf, surfaceWords } from "./zones.js";
 
@@ -172,6 +173,7 @@ export class PilotView {
     const { gl } = this;
     this._zoneLines();
     this._rose();
+    this._wires();
     this._moving();
     this._windArrow();
     this._posts();
@@ -267,6 +269,14 @@ export class PilotView {
       for (const side of [petal.first - STEP_DEG / 2, petal.last + STEP_DEG / 2]) {
         this._line(at(side, inner, 0), at(side, far, rise), [r, g, b, 1]);
       }
+    }
+  }
+
+  /** Wires as bars, thin where they are only expected. */
+  _wires() {
+    const tint = colour(WIRE.line);
+    for (const wire of this.model.state?.wires ?? []) {
+      for (const [from, to, seen] of pieces(wire)) this._bar(from, to, seen ? 0.12 : 0.05, tint);
     }
   }
 
@@ -390,6 +400,7 @@ export class PilotView {
       const style = STATE_STYLE[point.state];
       label([point.enu_m[0], point.enu_m[1], (point.height_m ?? 0) + 4.6], `${style.mark} ${style.word}`, style.line);
     }
+    for (const wire of this.model.state?.wires ?? []) label(middle(wire), wireWords(wire), WIRE.line);
     for (const one of this.model.state?.moving ?? []) {
       label([...one.enu_m, this._level() + one.height_m + 0.8], movingWords(one), MOVING.line);
     }

@@ -1,6 +1,7 @@
 """Wind and moving objects in the document of the page's state."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,8 +12,10 @@ from companion.flight.dashboard import state_document
 from companion.flight.fusion.wind_estimate import WindEstimate
 from companion.flight.geometry.wind import Wind
 from companion.flight.mapping.point_watch import PointWatch
-from slz import MovingObject
+from slz import MovingObject, Nearby, Wire
+from slz.wires.sagging_curve import SaggingCurve
 from tests.integration.link_bench import on_simulated_clock
+from tests.unit.companion.flight.landing.flight import Flight
 
 
 @on_simulated_clock
@@ -44,3 +47,28 @@ async def test_what_moves_is_shown_where_it_is_now(monkeypatch: pytest.MonkeyPat
     assert shown == {
         "number": 7, "enu_m": [3.0, 1.0], "velocity_ms": [-2.0, 0.0], "radius_m": 0.3, "height_m": 1.7,
     }  # fmt: skip
+
+
+@on_simulated_clock
+async def test_wires_are_shown_where_they_were_seen_and_where_they_go_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    companion = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
+    curve = SaggingCurve(
+        np.array([0.0, 5.0]), np.array([1.0, 0.0]), np.array([9.0, 0.0, 0.0]), np.eye(3), 0.1, 1.0
+    )
+    found = Flight([]).situation().report
+    assert found is not None
+    level = np.zeros((120, 120), np.float32)
+    around = Nearby(-30.0, -30.0, 0.5, level, level)
+    one = Wire(3, curve, -8.0, 8.0, -12.0, 8.0, (False, True), 20, 0, 0)
+    try:
+        assert state_document.state(companion)["wires"] == []
+        monkeypatch.setattr(Companion, "report", replace(found, wires=(one,), nearby=around))
+        (shown,) = state_document.state(companion)["wires"]
+    finally:
+        companion.worker.close()
+    assert shown["enu_m"][0] == [-12.0, 5.0, 9.0]
+    assert shown["enu_m"][-1] == [8.0, 5.0, 9.0]
+    assert shown["seen"] == [False, True, True, True, True, True]
+    assert shown["over_m"] == 9.0

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.landing.look_ahead import LEVEL_M, limit_velocity
 from companion.flight.link.flight_modes import Autopilot
 from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
@@ -26,8 +27,9 @@ from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.services.settings import Settings
 from companion.runtime.lockstep_loop import LockstepLoop
 from params import Parameters
-from slz import Nearby, Report, Scan
+from slz import Nearby, Report, Scan, Wire
 from slz.frame import LocalFrame
+from slz.wires.sagging_curve import SaggingCurve
 
 S = 1_000_000_000
 MS = 1_000_000
@@ -88,14 +90,15 @@ class Flight:
         around[:, 2] = up_m
         self.sees(around)
 
-    def maps(self, tower_m: float = 20.0) -> None:
-        """Take a report of the flat ground with the tower."""
+    def maps(self, tower_m: float = 20.0, wires: tuple[Wire, ...] = ()) -> None:
+        """Take a report of the flat ground with the tower, and of wires."""
         ground = np.zeros((80, 80), np.float32)
         top = ground.copy()
         top[52, 40] = tower_m
         report = object.__new__(Report)
         object.__setattr__(report, "nearby", Nearby(-20.25, -20.25, 0.5, ground, top))
         object.__setattr__(report, "selected", None)
+        object.__setattr__(report, "wires", wires)
         self.streams.use_report(report)
 
 
@@ -123,6 +126,54 @@ def test_what_only_the_map_knows_is_told(flight: Flight) -> None:
         told = flight.link.of("OBSTACLE_DISTANCE")[-1].distances
         assert told[54] == pytest.approx(575, abs=1), "north is to the left of a vehicle that faces east"
         assert set(told[:50]) == {65535}
+
+
+def wire(north_m: float, up_m: float) -> Wire:
+    """Return a level wire from west to east."""
+    curve = SaggingCurve(
+        np.array([0.0, north_m]),
+        np.array([1.0, 0.0]),
+        np.array([up_m, 0.0, 0.0]),
+        np.eye(3) * 1e-4,
+        0.05,
+        1.0,
+    )
+    return Wire(1, curve, -20.0, 20.0, -30.0, 30.0, (False, False), 30, 0, 0)
+
+
+def test_a_wire_is_told_long_after_its_last_return(flight: Flight) -> None:
+    """Ten seconds later the map's cells are too old, and returns are forgotten."""
+    flight.maps(0.0, (wire(-8.0, 10.5),))
+    flight.moves(10 * S)
+    flight.sees_ground()
+    flight.streams.send_obstacles()
+    told = flight.link.of("OBSTACLE_DISTANCE")[-1].distances
+    assert told[18] == pytest.approx(800, abs=5), "south is to the right of a vehicle that faces east"
+    assert told[54] == 65535
+    points = [m for m in flight.link.of("OBSTACLE_DISTANCE_3D") if abs(m.y - 8.0) < 0.1]
+    assert points
+    assert points[0].z == pytest.approx(-0.5, abs=0.05)
+
+
+def test_a_wire_far_below_is_no_obstacle_at_the_height_of_the_vehicle(flight: Flight) -> None:
+    flight.maps(0.0, (wire(-8.0, 3.0),))
+    flight.moves(10 * S)
+    flight.sees_ground()
+    flight.streams.send_obstacles()
+    assert flight.link.of("OBSTACLE_DISTANCE")[-1].distances[18] == 65535
+
+
+def test_velocity_is_limited_before_a_wire_that_no_return_shows(flight: Flight) -> None:
+    flight.maps(0.0, (wire(-8.0, 10.5),))
+    flight.moves(10 * S)
+    flight.sees_ground()
+    pose = flight.history.latest(flight.now_ns)
+    assert pose is not None
+    around = flight.streams.around_level_m(pose, flight.now_ns, LEVEL_M)
+    towards = np.array([0.0, 6.0, 0.0])
+    limited = limit_velocity(towards, around, 1.0)
+    assert 0.5 < limited.velocity_frd_ms[1] < 5.0
+    assert limit_velocity(-towards, around, 1.0).velocity_frd_ms[1] == pytest.approx(-6.0)
 
 
 def test_standing_the_ground_is_no_obstacle_but_the_sensor_is_alive(flight: Flight) -> None:

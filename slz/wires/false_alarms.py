@@ -1,0 +1,71 @@
+"""False alarms of wires: how many curves clutter and surfaces would make, with as many returns on them.
+
+An a-contrario test: the returns on a curve are compared with those in the air around it, and the number of
+curves that three of the stored returns define is known. In the plane of a surface the air beside a curve
+holds as many returns as the curve itself, so each direction across the curve is tested by itself.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import gammaln, log_ndtr, pdtrc
+
+from slz.kernels.lines.voxel_occupancy import VOXEL_M
+
+PER_WINDOW = 1e-4  # false wires expected in a window; one in three hours of windows of a second
+DEFINING = 3  # returns that define a curve, and therefore are on it
+ABOVE = 0.5  # least share of the places of a curve beside which there is air high over the floor
+
+
+def log_false_alarms(
+    on_curve: int,
+    places: int,
+    tube_m: float,
+    occupied: NDArray[np.int64],
+    above: NDArray[np.int64],
+    returns: int,
+) -> float:
+    """Return the natural logarithm of the number of curves that would have as many returns by chance.
+
+    Parameters
+    ----------
+    on_curve, places
+        Places of the curve that have returns, of all.
+    tube_m
+        Distance from the curve within which returns are on it.
+    occupied, above
+        (directions, rings) numbers of voxels around the curve: occupied, and of all high over the floor.
+    returns
+        Number of stored returns; any three of them define a curve.
+    """
+    all_around = _share(int(occupied.sum()), int(above.sum())) * math.pi * tube_m**2 / VOXEL_M**2
+    in_plane = _fullest(occupied, above, places) * 2 * tube_m / VOXEL_M
+    expected = places * min(1.0, max(all_around, in_plane))
+    tests = gammaln(returns + 1) - gammaln(max(0, returns - DEFINING) + 1) - math.log(6)
+    others = on_curve - DEFINING
+    chance = float(pdtrc(others - 1, expected))
+    if chance > 0:
+        return float(tests + math.log(chance))
+    return float(tests + log_ndtr(-(others - expected) / math.sqrt(expected)))
+
+
+def _share(occupied: int, above: int) -> float:
+    return (occupied + 1) / (above + 1)
+
+
+def _fullest(occupied: NDArray[np.int64], above: NDArray[np.int64], places: int) -> float:
+    """Return the share of the voxels that are occupied in the fullest direction.
+
+    Its fullest ring does not count where there are others: there is room for another wire.
+    """
+    told = np.where(above >= max(1.0, ABOVE * places), above, 0)
+    held = np.where(told > 0, occupied, 0)
+    shares = held / np.maximum(told, 1)
+    rows, fullest = np.arange(len(held)), shares.argmax(axis=1)
+    several = (told > 0).sum(axis=1) > 1
+    some = held.sum(axis=1) - np.where(several, held[rows, fullest], 0)
+    looked = told.sum(axis=1) - np.where(several, told[rows, fullest], 0)
+    return float(np.where(looked > 0, (some + 1) / (looked + 1), 0.0).max())

@@ -1,0 +1,134 @@
+"""Air around the vehicle that raised returns occupy, and the floor below it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slz.air.seen_air import SeenAir
+from slz.kernels.lines.voxel_occupancy import (
+    DIRECTIONS,
+    HELD,
+    LEVELS,
+    LOW,
+    NOWHERE,
+    SIDE,
+    VOXEL_M,
+    around_curve,
+    first_support,
+    floor_below,
+    heights_over_floor,
+    neighbour_directions,
+    occupy,
+    vacate,
+)
+from slz.wires.sagging_curve import SaggingCurve
+
+EPOCH_S = 10.0
+EPOCHS, KEPT = 250, 13  # after `EPOCHS` all is forgotten; `KEPT` are looked at
+MOST_NEIGHBOURS = 5  # directions in which the air beside a return of a wire is occupied
+BELOW_SENSOR_M = 3.0  # from which a return may be ground; when it is lower, half its height
+HIGH_SHARE = 0.8  # least share of the places of a curve that are high over the floor
+LOOKED_AT = 0.1  # least share of the air below a curve
+LEAST_OVER_M = 1.5  # of a wire over the ground, lower than which it is not followed
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Surrounding:
+    """Numbers of voxels around a curve, (directions, rings): occupied, looked at, and high over the floor."""
+
+    occupied: NDArray[np.int64]
+    looked_at: NDArray[np.int64]
+    above: NDArray[np.int64]
+
+    def is_high(self, places: int) -> bool:
+        """Return whether a curve of this many places is high over the floor nearly everywhere."""
+        return bool(self.above[3 * DIRECTIONS // 4, 0] >= HIGH_SHARE * places)
+
+    @property
+    def below_is_seen(self) -> bool:
+        """Whether air below the curve was looked at."""
+        down = slice(5 * DIRECTIONS // 8, 7 * DIRECTIONS // 8 + 1)
+        return bool(self.looked_at[down].sum() >= LOOKED_AT * self.above[down].sum())
+
+
+class OccupiedAir:
+    """Voxels of 0.5 m that hold returns, within 64 m, and a floor of cells of 2 m within 256 m: 8 MB.
+
+    Parameters
+    ----------
+    rays
+        Air that rays passed; None where no ray is known: then all air counts as looked at.
+    """
+
+    def __init__(self, rays: SeenAir | None = None) -> None:
+        self._rays = rays
+        self._lowest = np.full((SIDE, SIDE, 2), np.inf, np.float32)
+        self._cell = np.full((SIDE, SIDE, 2), NOWHERE, np.int32)
+        self._below = np.empty((SIDE, SIDE), np.float32)
+        self._below_of, self._windows = np.zeros((SIDE, SIDE), np.int32), 0
+        self._occupied = np.zeros((SIDE, SIDE, LEVELS), np.uint8)
+        self._column = np.full((SIDE, SIDE, 2), NOWHERE, np.int32)
+        self._started_s: float | None = None
+        self._epoch = 1
+
+    def add(self, points_m: Floats, sensor_m: Floats, now_s: float) -> Floats:
+        """Add a window's returns (n, 3); return their heights over the floor, see `heights_over_floor`."""
+        if self._started_s is None:
+            self._started_s = now_s
+        epoch = 1 + int((now_s - self._started_s) // EPOCH_S)
+        if epoch > EPOCHS:
+            self._started_s, epoch = now_s, 1
+            self._occupied[:] = 0
+        self._epoch = epoch
+        east, north, up = sensor_m.tolist()
+        height_m = up - floor_below(east, north, self._lowest, self._cell)
+        ceiling_m = (
+            up - max(0.0, min(BELOW_SENSOR_M, height_m / 2)) if np.isfinite(height_m) else up - BELOW_SENSOR_M
+        )
+        self._windows += 1
+        scratch = self._windows, self._below, self._below_of
+        over = heights_over_floor(points_m, ceiling_m, self._lowest, self._cell, *scratch)
+        occupy(points_m, over, epoch, self._occupied, self._column)
+        return over
+
+    def is_thin(self, points_m: Floats) -> NDArray[np.bool_]:
+        """Return which points (n, 3) are not part of a surface or a volume: the air beside them is free."""
+        place = (*self._epochs, self._occupied, self._column)
+        count = neighbour_directions(np.ascontiguousarray(points_m), *place, MOST_NEIGHBOURS + 1)
+        return np.asarray(count <= MOST_NEIGHBOURS)
+
+    def around(self, curve: SaggingCurve, start_m: float, stop_m: float) -> Surrounding:
+        """Return what is known of the air around a curve, from one place along it to another."""
+        s = np.arange(start_m, stop_m + VOXEL_M / 2, VOXEL_M)
+        east, north = curve.along.tolist()
+        place = (*self._epochs, self._occupied, self._column, self._lowest, self._cell)
+        places, known = around_curve(curve.points_enu_m(s), east, north, *place)
+        held, above = known == HELD, known != LOW
+        looked_at = above
+        if self._rays is not None:
+            looked_at = held | (above & (self._rays.rays_through(places) > 0).reshape(known.shape))
+        return Surrounding(held.sum(axis=0), looked_at.sum(axis=0), above.sum(axis=0))
+
+    def vacate(self, curve: SaggingCurve, start_m: float, stop_m: float) -> None:
+        """Make the air at a known wire unoccupied, so that it hides no other wire."""
+        s = np.arange(start_m, stop_m + VOXEL_M / 2, VOXEL_M)
+        vacate(curve.points_enu_m(s), self._occupied, self._column)
+
+    def support_m(self, curve: SaggingCurve, from_m: float, to_m: float) -> tuple[float, bool]:
+        """Return how far to follow a curve from a place along it, and whether a support is there."""
+        step = VOXEL_M if to_m > from_m else -VOXEL_M
+        s = np.arange(from_m, to_m + step / 2, step)
+        place = (*self._epochs, self._occupied, self._column, self._lowest, self._cell)
+        found = first_support(curve.points_enu_m(s), *place, LEAST_OVER_M)
+        if found < 0:
+            return float(s[max(0, -1 - found - 1)]), False
+        return (float(s[found]), True) if found < len(s) else (to_m, False)
+
+    @property
+    def _epochs(self) -> tuple[int, int]:
+        return self._epoch, max(1, self._epoch - KEPT)
