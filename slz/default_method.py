@@ -358,15 +358,20 @@ class DefaultMethod:
         above = terrain.tiles.contradicted_by(isolated, sensor, terrain.noise, self._p.relief_m)
         scan = np.concatenate([origin[kept.source], origin[kept.isolated_source]])
         order = np.argsort(scan, kind="stable")
+        together, above = np.concatenate([points, isolated]), np.concatenate([raised, above])
         apart = np.empty(len(order), bool)
         apart[order], settled = self._arrivals.update(
-            np.concatenate([points, isolated])[order],
-            np.concatenate([raised, above])[order],
+            together[order],
+            above[order],
             order >= n,
             scan[order],
             origins - (0.0, 0.0, near.tiles.datum_m),
             now_s,
         )
+        at_their_feet = np.flatnonzero(apart & ~above)
+        over_known = near.tiles.differences(together[at_their_feet])[:, 3].astype(np.int64)
+        apart[at_their_feet] = False  # ground that was never seen is evidence, whoever stands beside it
+        apart[at_their_feet[over_known]] = True
         return ~apart[:n], ~apart[n:], settled
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -105,6 +106,26 @@ def test_somebody_who_came_makes_it_unsafe_at_once_and_who_left_gives_it_back() 
     assert shares[:3] == [1.0] * 3
     assert shares[3:5] == [0.0] * 2
     assert shares[7] == 1.0
+
+
+def test_ground_that_is_first_seen_while_somebody_stands_beside_it_is_known() -> None:
+    rng, pipe = np.random.default_rng(4), pipeline()
+    first, second = window(0, rng, lambda _: []), window(1, rng, lambda _: [MAN])
+    east = first.points_enu_m[:, 0] > 1.8  # the man's western edge
+    assert first.origin is not None
+    pipe.process(
+        replace(
+            first,
+            points_enu_m=np.ascontiguousarray(first.points_enu_m[east]),
+            stamp_ns=first.stamp_ns[east],
+            origin=first.origin[east],
+        )
+    )
+    pipe.process(second)
+    maps = pipe.maps()
+    assert maps is not None
+    row, col = maps.grid.index(1.7, 1.0)
+    assert np.isfinite(maps.height_m[row - maps.box.row0, col - maps.box.col0])
 
 
 @pytest.mark.parametrize("pattern", [everywhere, along_a_line])
