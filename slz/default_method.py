@@ -39,7 +39,7 @@ from slz.prior import Source as PriorSource
 from slz.report import MapReport
 from slz.stage_clock import StageClock
 from slz.surface.surface_map import NO_SIGNAL, Signal, SurfaceMap
-from slz.terrain.arrivals import Arrivals
+from slz.terrain.arrivals import AROUND_M, Arrivals
 from slz.window import Window
 from slz.wires.wire_detector import WireDetector
 from slz.wires.wire_marks import WireMarks
@@ -334,6 +334,17 @@ class DefaultMethod:
             )
         return raised
 
+    def _stands_free(self, points: Points, raised: Flags, sensor: Points, near: ZoneMap) -> Flags:
+        """Return which of the raised points have known and lower ground on all sides: others are of walls."""
+        terrain, free = near.terrain, raised.copy()
+        side_m = max(AROUND_M, self._p.cell_m)
+        for north in (-side_m, 0.0, side_m):
+            for east in (-side_m, 0.0, side_m):
+                some = np.flatnonzero(free)
+                beside = points[some] + (east, north, 0.0)
+                free[some] = terrain.tiles.contradicted_by(beside, sensor, terrain.noise, self._p.relief_m)
+        return free
+
     def _without_arrivals(
         self,
         points: Points,
@@ -356,6 +367,9 @@ class DefaultMethod:
             return everything
         terrain, now_s = near.terrain, near.tiles.now_s(window.end_ns * 1e-9)
         above = terrain.tiles.contradicted_by(isolated, sensor, terrain.noise, self._p.relief_m)
+        walls = np.concatenate([raised, np.zeros(len(isolated), bool)])
+        raised = self._stands_free(points, raised, sensor, near)
+        walls[:n] &= ~raised
         scan = np.concatenate([origin[kept.source], origin[kept.isolated_source]])
         order = np.argsort(scan, kind="stable")
         together, above = np.concatenate([points, isolated]), np.concatenate([raised, above])
@@ -368,6 +382,7 @@ class DefaultMethod:
             origins - (0.0, 0.0, near.tiles.datum_m),
             now_s,
         )
+        apart &= ~walls
         at_their_feet = np.flatnonzero(apart & ~above)
         over_known = near.tiles.differences(together[at_their_feet])[:, 3].astype(np.int64)
         apart[at_their_feet] = False  # ground that was never seen is evidence, whoever stands beside it

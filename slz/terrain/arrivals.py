@@ -45,6 +45,9 @@ from slz.kernels.air.passing_rays import (
     sums_around,
 )
 
+SAME_M = 0.7  # over or below what stands in a column, up to which an isolated return may be its
+SURE, EIGHTH = 3, 8  # returns of a column in a window, from which the highest and the lowest, and each an
+# eighth of all, may be noise
 AROUND_M = 0.4  # around a column, in which other returns are of the same object
 FALSE_ALARM, DOUBT = 1e-3, 0.05
 OWN = 2.0  # rays that passed the column itself
@@ -144,9 +147,11 @@ class Arrivals:
         before = self.points_enu_m
         origins = np.ascontiguousarray(origins_enu_m)
         self._add(points_enu_m, raised & ~isolated, origins[origin], now_s)
-        raised = raised & ~(isolated & ~self._beside(points_enu_m, self._around))
+        raised = raised & ~(isolated & ~self._beside(points_enu_m, self._around, SAME_M))
         self._add(points_enu_m, raised & isolated, origins[origin], now_s)
-        apart = raised | self._beside(points_enu_m, 1)
+        apart = raised | (
+            self._beside(points_enu_m, 1, math.inf) & (~isolated | self._beside(points_enu_m, 1, SAME_M))
+        )
         settled = self._settled(now_s)
         evidence, self._held = self._held.some(settled).points, self._held.some(~settled)
         if len(self._held):
@@ -164,13 +169,16 @@ class Arrivals:
         if which.any():
             self._held = self._with(points[which], sensors[which], now_s)
 
-    def _beside(self, points: Points, around: int) -> Flags:
-        """Return which points (n, 3) are in the columns, or within a number of columns beside them."""
+    def _beside(self, points: Points, around: int, upward_m: float) -> Flags:
+        """Return which points (n, 3) are in the columns, or within a number of columns beside them.
+
+        They are no farther than `upward_m` from the heights of what stands there.
+        """
         if not len(self._held):
             return np.zeros(len(points), bool)
         place, index = self._index()
         index[index >= 0] = np.where(self._held.gone[index[index >= 0]], -1, index[index >= 0])
-        return are_beside(points, *place, around, index)
+        return are_beside(points, *place, around, upward_m, index, self._held.records)
 
     def _with(self, points: Points, sensor: Points, now_s: float) -> _Columns:
         """Return the columns with those of further returns (n, 3), seen from (n, 3)."""
@@ -203,14 +211,16 @@ class Arrivals:
         records[turned | moved, RETURNED : SCANS_SINCE + 1] = 0.0
         records[hit, DIRECTION], records[hit, RANGE] = mean[hit], range_m[hit]
 
-        upward = np.argsort(points[:, 2], kind="stable")
-        for extreme, field, order in ((highest, TOP, upward), (lowest, BASE, upward[::-1])):
-            last = np.full(len(cells), -1)
-            last[new[order]] = order
-            best = points[last]
-            beyond = best[:, 2] > records[:, TOP] if field == TOP else best[:, 2] < records[:, BASE]
-            beyond &= hit
-            extreme[beyond], records[beyond, field] = best[beyond], best[beyond, 2]
+        order = np.lexsort((points[:, 2], new))
+        first = np.searchsorted(new[order], np.flatnonzero(hit))
+        inner = np.where(count[hit] >= SURE, 1 + count[hit] // EIGHTH, 0)
+        for extreme, field, at in (
+            (lowest, BASE, first + inner),
+            (highest, TOP, first + count[hit] - 1 - inner),
+        ):
+            best, own = points[order[at]], np.flatnonzero(hit)
+            beyond = best[:, 2] > records[own, TOP] if field == TOP else best[:, 2] < records[own, BASE]
+            extreme[own[beyond]], records[own[beyond], field] = best[beyond], best[beyond, 2]
         return _Columns(cells, records, since_s, highest, lowest, gone)
 
     def _settled(self, now_s: float) -> Flags:

@@ -173,17 +173,28 @@ def are_beside(
     south: float,
     cell: float,
     around: int,
+    upward: float,
     index: Array2D[np.int32],
+    records: Array2D[np.float64],
 ) -> Array1D[np.bool_]:
-    """Return (n,) which points are over a column with a record, or over one of those around such a column."""
+    """Return (n,) which points are over a column with a record, or over one of those around such a column.
+
+    They are no farther than `upward` (m) over the top or below the base of a record there.
+    """
     rows, cols = index.shape
-    beside, out = np.zeros((rows, cols), np.bool_), np.zeros(len(points), np.bool_)
+    low, high = np.full((rows, cols), np.inf), np.full((rows, cols), -np.inf)
+    out = np.zeros(len(points), np.bool_)
     for r in range(rows):
         for c in range(cols):
-            if index[r, c] >= 0:
-                beside[max(0, r - around) : r + around + 1, max(0, c - around) : c + around + 1] = True
+            k = index[r, c]
+            if k >= 0:
+                for i in range(max(0, r - around), min(rows, r + around + 1)):
+                    for j in range(max(0, c - around), min(cols, c + around + 1)):
+                        low[i, j] = min(low[i, j], records[k, BASE] - upward)
+                        high[i, j] = max(high[i, j], records[k, TOP] + upward)
     for i in range(len(points)):
         r = int(np.floor((points[i, 1] - south) / cell))
         c = int(np.floor((points[i, 0] - west) / cell))
-        out[i] = 0 <= r < rows and 0 <= c < cols and beside[r, c]
+        if 0 <= r < rows and 0 <= c < cols:
+            out[i] = low[r, c] <= points[i, 2] <= high[r, c]
     return out
