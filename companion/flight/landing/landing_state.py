@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from companion.flight.landing.aim import Aim
-from companion.flight.landing.crossing import crossing
 from companion.flight.landing.hand_over import HandOver
+from companion.flight.landing.interruptions.crossing import crossing
 from companion.flight.landing.interruptions.outage import Outage
 from companion.flight.landing.mode_ownership import ModeOwnership
 from companion.flight.landing.point_selection import PointSelection

@@ -29,7 +29,7 @@ SOURCES = (
     "companion/flight/landing/looks/closer_look.py",
     "companion/flight/landing/executive.py",
     "companion/flight/landing/looks/oblique_look.py",
-    "companion/flight/landing/crossing_wait.py",
+    "companion/flight/landing/interruptions/crossing_wait.py",
     "companion/flight/landing/landing_state.py",
     "companion/flight/landing/interruptions/withdrawal.py",
     "companion/flight/landing/interruptions/low_battery.py",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from companion.flight.landing.crossing_wait import CrossingWait
 from companion.flight.landing.guidance import level, towards
+from companion.flight.landing.interruptions.crossing_wait import CrossingWait
 from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.situation import (
     STOPPED,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from companion.flight.landing.crossing import crossing, leaves_after_s, name, on_the_point
+from companion.flight.landing.interruptions.crossing import crossing, leaves_after_s, name, on_the_point
 from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.situation import (
     STOPPED,
