@@ -46,15 +46,13 @@ from slz.kernels.air.passing_rays import (
 )
 
 SAME_M = 0.7  # over or below what stands in a column, up to which an isolated return may be its
-SURE, EIGHTH = 3, 8  # returns of a column in a window, from which the highest and the lowest, and each an
-# eighth of all, may be noise
 AROUND_M = 0.4  # around a column, in which other returns are of the same object
 FALSE_ALARM, DOUBT = 1e-3, 0.05
 OWN = 2.0  # rays that passed the column itself
 CAUTION = 0.7  # of the share's lower bound, for what is seen a little differently from one window to the next
 STAYS = 0.5  # of `max_age_s`, for which what stands is kept apart
-MOST = 8192  # columns
-MOST_SIDE = 1024  # columns along the side of the box that holds all
+MOST, MOST_AFAR = 8192, 65536  # columns around the sensor, and elsewhere
+MOST_SIDE = 500  # columns along the side of the box around the sensor
 MOST_RAYS = 30_000  # of a window that are followed
 
 Points = NDArray[np.float64]
@@ -64,7 +62,7 @@ DIRECTION = slice(EAST, UP + 1)
 
 @dataclass(slots=True)
 class _Columns:
-    """Columns, by row and column from the evidence's corner, sorted.
+    """Columns, by row and column from the evidence's corner.
 
     records: see `slz.kernels.air.passing_rays`. since_s: when the first return came. highest, lowest: (m, 3).
     gone: those proven empty, which count as long as others around are not.
@@ -87,6 +85,11 @@ class _Columns:
 
     def some(self, which: Flags) -> _Columns:
         return _Columns(*(getattr(self, field.name)[which] for field in fields(self)))
+
+    def joined_with(self, other: _Columns) -> _Columns:
+        return _Columns(
+            *(np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self))
+        )
 
     @property
     def points(self) -> Points:
@@ -112,6 +115,8 @@ class Arrivals:
         self._west_m, self._south_m, self._cell_m = west_m, south_m, parameters.cell_m
         self._stays_s = STAYS * parameters.max_age_s
         self._around = math.ceil(AROUND_M / parameters.cell_m)
+        # The map's grid holds all that is within a quarter of its side of the sensor.
+        self._reach = min(MOST_SIDE // 2, max(1, int(parameters.zone_m / 4 / parameters.cell_m) - 1))
         self._held = _Columns.none()
         self.points_enu_m: Points = np.empty((0, 3))
         self.altered_enu_m: Points = np.empty((0, 3))
@@ -146,6 +151,10 @@ class Arrivals:
         """
         before = self.points_enu_m
         origins = np.ascontiguousarray(origins_enu_m)
+        here = self._cells_of(origins[-1:])
+        raised = raised & (np.abs(self._cells_of(points_enu_m) - here) <= self._reach).all(axis=1)
+        near = (np.abs(self._held.cells - here) <= self._reach).all(axis=1)
+        self._held, afar = self._held.some(near), self._held.some(~near)
         self._add(points_enu_m, raised & ~isolated, origins[origin], now_s)
         raised = raised & ~(isolated & ~self._beside(points_enu_m, self._around, SAME_M))
         self._add(points_enu_m, raised & isolated, origins[origin], now_s)
@@ -161,9 +170,16 @@ class Arrivals:
             count_passing(*rays, *place, self._around, index, self._held.records)
             self._held.gone |= self._proven_empty(index)
             self._held = self._held.some(~self._is_over(index))
+        self._held = self._held.joined_with(
+            afar.some(np.argsort(np.argsort(-afar.since_s, kind="stable")) < MOST_AFAR)
+        )
         self.points_enu_m = self._held.points
         self.altered_enu_m = _in_one_only(before, self.points_enu_m)
         return apart, evidence
+
+    def _cells_of(self, points: Points) -> NDArray[np.int64]:
+        """Return row and column (n, 2) of points (n, 3)."""
+        return np.floor((points[:, 1::-1] - (self._south_m, self._west_m)) / self._cell_m).astype(np.int64)
 
     def _add(self, points: Points, which: Flags, sensors: Points, now_s: float) -> None:
         if which.any():
@@ -183,7 +199,7 @@ class Arrivals:
     def _with(self, points: Points, sensor: Points, now_s: float) -> _Columns:
         """Return the columns with those of further returns (n, 3), seen from (n, 3)."""
         held = self._held
-        at = np.floor((points[:, 1::-1] - (self._south_m, self._west_m)) / self._cell_m).astype(np.int64)
+        at = self._cells_of(points)
         cells, own = np.unique(np.concatenate([held.cells, at]), axis=0, return_inverse=True)
         was, new = own.ravel()[: len(held)], own.ravel()[len(held) :]
         count = np.bincount(new, minlength=len(cells))
@@ -211,28 +227,26 @@ class Arrivals:
         records[turned | moved, RETURNED : SCANS_SINCE + 1] = 0.0
         records[hit, DIRECTION], records[hit, RANGE] = mean[hit], range_m[hit]
 
+        own = np.flatnonzero(hit)
         order = np.lexsort((points[:, 2], new))
-        first = np.searchsorted(new[order], np.flatnonzero(hit))
-        inner = np.where(count[hit] >= SURE, 1 + count[hit] // EIGHTH, 0)
-        for extreme, field, at in (
-            (lowest, BASE, first + inner),
-            (highest, TOP, first + count[hit] - 1 - inner),
-        ):
-            best, own = points[order[at]], np.flatnonzero(hit)
+        first = np.searchsorted(new[order], own)
+        for extreme, field, at in ((lowest, BASE, first), (highest, TOP, first + count[hit] - 1)):
+            best = points[order[at]]
             beyond = best[:, 2] > records[own, TOP] if field == TOP else best[:, 2] < records[own, BASE]
             extreme[own[beyond]], records[own[beyond], field] = best[beyond], best[beyond, 2]
         return _Columns(cells, records, since_s, highest, lowest, gone)
 
     def _settled(self, now_s: float) -> Flags:
-        """Return which columns are evidence from now on: the oldest, and those beyond what is kept."""
+        """Return which columns are evidence from now on: the oldest, and those beyond what is kept.
+
+        None that is far from the sensor: the map's grid may not hold it now.
+        """
         held = self._held
         if not len(held):
             return np.zeros(0, bool)
         settled = now_s - held.since_s > self._stays_s
         newest = np.argsort(-held.since_s, kind="stable")
         settled[newest[MOST:]] = True
-        middle = held.cells[newest[0]]
-        settled |= (np.abs(held.cells - middle) > MOST_SIDE // 2).any(axis=1)
         return settled
 
     def _index(self) -> tuple[tuple[float, float, float], NDArray[np.int32]]:

@@ -222,11 +222,11 @@ class LandingState:
         """
         coming = crossing(s, self.aim, self.parameters)
         cannot_wait = self.is_urgent or self.is_battery_low(s)
-        if coming is None or (cannot_wait and self.n_given):
+        if not coming or (cannot_wait and self.n_given):
             return None
         self.n_given += 1
         keeps_point = self.n_given % MOST_GIVEN != 0
-        return self.break_off(f"object of {coming.height_m:.1f} m moves in", s, keeps_point=keeps_point)
+        return self.break_off(f"object of {coming[0].height_m:.1f} m moves in", s, keeps_point=keeps_point)
 
     def _is_way_blocked(self, s: Situation) -> bool:
         """Return whether something stands in the way down; an urgent landing goes straight down anyway."""

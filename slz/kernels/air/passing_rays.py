@@ -13,7 +13,8 @@ from slz.kernels.jit import kernel
 BASE, TOP, RETURNED, BEFORE, SINCE, SCANS_RETURNED, SCANS_BEFORE, SCANS_SINCE = range(8)
 EAST, NORTH, UP, RANGE = range(8, 12)
 FIELDS = 12
-PAD = 0.1  # m over the top and below the base, through which a ray counts as passing
+PAD = 0.1  # m over the top and below the base, in which a return is of what stands there
+THIN = 0.02  # the same, in which a ray counts as passing through it
 SAME_SIDE = np.cos(np.radians(20.0))  # between a ray and those that were returned, of rays that are alike
 PASSED, HIT = np.uint8(1), np.uint8(2)  # how a scan saw a column
 FARTHER = 1.25  # of the range of those that were returned, beyond which a ray may miss what is thin
@@ -87,7 +88,7 @@ def count_passing(
         (m, FIELDS), changed.
     """
     rows, cols = index.shape
-    lowest, highest = records[:, BASE].min() - PAD, records[:, TOP].max() + PAD
+    lowest, highest = records[:, BASE].min() - THIN, records[:, TOP].max() + THIN
     looks = np.zeros(len(records), np.uint8)
     for i in range(len(points)):
         if i > 0 and origin[i] != origin[i - 1]:
@@ -136,7 +137,7 @@ def count_passing(
                 held = records[k]
                 alike = (x * held[EAST] + y * held[NORTH] + z * held[UP]) >= SAME_SIDE * length
                 near = share * length <= FARTHER * held[RANGE]
-                if alike and near and low <= held[TOP] + PAD and high >= held[BASE] - PAD:
+                if alike and near and low <= held[TOP] + THIN and high >= held[BASE] - THIN:
                     held[SINCE] += 1.0 if hit else float(stride)
                     if looks[k] == 0:
                         _mark(index, r, c, around, PASSED, looks, records)

@@ -18,23 +18,23 @@ PERSON_BERTH_M, BERTH_M = 1.5, 0.7  # beside the footprint; people move as they 
 PERSON_HEIGHT_M = 1.2, 2.2
 
 
-def crossing(s: Situation, aim: Aim, parameters: Parameters) -> MovingObject | None:
-    """Return an object that will be at the point at the touchdown, if it keeps its course, or None.
+def crossing(s: Situation, aim: Aim, parameters: Parameters) -> tuple[MovingObject, ...]:
+    """Return the objects that will be at the point at the touchdown, if they keep their course.
 
     Asked only shortly before the landing is committed: what crosses before is gone by then.
     """
     p = parameters
     committed_m = max(p.commit_height_m, p.dust_height_m)
     if aim.enu_m is None or not 0 <= aim.height_left_m <= committed_m + DECIDED_M:
-        return None
+        return ()
     from_s = max(0.0, aim.height_left_m / FASTEST_MS - BEFORE_S)
     until_s = min(LONGEST_S, aim.height_left_m / SLOWEST_MS + AFTER_S)
     return _within_berth(s, aim, p, from_s, until_s)
 
 
-def on_the_point(s: Situation, aim: Aim, parameters: Parameters) -> MovingObject | None:
-    """Return an object that moves over the point now, or None."""
-    return None if aim.enu_m is None else _within_berth(s, aim, parameters, 0.0, 0.0)
+def on_the_point(s: Situation, aim: Aim, parameters: Parameters) -> tuple[MovingObject, ...]:
+    """Return the objects that move over the point now."""
+    return _within_berth(s, aim, parameters, 0.0, 0.0)
 
 
 def leaves_after_s(one: MovingObject, s: Situation, aim: Aim, parameters: Parameters) -> float:
@@ -56,14 +56,11 @@ def name(one: MovingObject) -> str:
 
 def _within_berth(
     s: Situation, aim: Aim, parameters: Parameters, from_s: float, until_s: float
-) -> MovingObject | None:
-    from_ns, until_ns = s.now_ns + round(from_s * 1e9), s.now_ns + round(until_s * 1e9)
-    for one in s.moving:
-        if aim.enu_m is not None:
-            away_m, _ = one.nearest(aim.enu_m[:2], from_ns, until_ns)
-            if away_m < _berth_m(one, parameters):
-                return one
-    return None
+) -> tuple[MovingObject, ...]:
+    if aim.enu_m is None:
+        return ()
+    point, times = aim.enu_m[:2], (s.now_ns + round(from_s * 1e9), s.now_ns + round(until_s * 1e9))
+    return tuple(one for one in s.moving if one.nearest(point, *times)[0] < _berth_m(one, parameters))
 
 
 def _berth_m(one: MovingObject, parameters: Parameters) -> float:

@@ -19,10 +19,11 @@ from companion.flight.landing.situation import (
 from slz import MovingObject
 
 SMALL_M = 0.7  # radius of the returns of what is waited for
-LEAST_HEIGHT_M = 3.0  # over the point, for a wait: lower, a vehicle over somebody's head climbs
+LEAST_HEIGHT_M, OVER_HEAD_M = 3.0, 2.0  # over the point and over who crosses, for a wait; lower, it climbs
 FREE_NS = SECOND  # nobody crosses, before the landing goes on
 GIVEN_BACK_NS = 6 * SECOND  # after somebody left, until which the map must show point and way in safe again
 LONGEST_NS = 20 * SECOND
+MOST_NS = 60 * SECOND  # of all waits of a landing
 MARGIN_S = 1.0  # of the time told to the pilot
 
 
@@ -34,6 +35,8 @@ class CrossingWait:
         self._since_ns: int | None = None
         self._crossed_ns = 0  # last time at which somebody was crossing
         self._asked_ns = 0
+        self._landing_ns: int | None = None  # when the landing was ordered
+        self._waited_ns = 0
 
     @property
     def is_on(self) -> bool:
@@ -47,21 +50,23 @@ class CrossingWait:
     def commands(self, s: Situation) -> VehicleCommands | None:
         """Return the commands of a wait; None where the landing goes on, or must be broken off."""
         state = self._state
-        if s.now_ns - self._asked_ns > SECOND:  # another descent
-            self.reset()
-        self._asked_ns = s.now_ns
-        low = state.aim.height_left_m < LEAST_HEIGHT_M
-        if low or not s.lidar_ok or state.is_urgent or state.is_battery_low(s) or state.path is not None:
+        self._follow(s)
+        crossers = self._crossers(s)
+        highest_m = max((one.height_m for one in crossers), default=0.0)
+        low = state.aim.height_left_m < max(LEAST_HEIGHT_M, highest_m + OVER_HEAD_M)
+        hurried = state.is_urgent or state.is_battery_low(s) or self._waited_ns > MOST_NS
+        large = any(one.radius_m >= SMALL_M for one in crossers)
+        if low or large or hurried or not s.lidar_ok or state.path is not None:
             self.reset()
             return None
-        one = self._crosser(s)
-        if one is not None and self._since_ns is None:
+        if crossers and self._since_ns is None:
             self._since_ns = s.now_ns
+            one = max(crossers, key=lambda other: leaves_after_s(other, s, state.aim, state.parameters))
             seconds = leaves_after_s(one, s, state.aim, state.parameters) + MARGIN_S
             state.say(Severity.NOTICE, f"{name(one)} crossing: waiting {seconds:.0f} s")
         if self._since_ns is None:
             return None
-        if one is not None:
+        if crossers:
             self._crossed_ns = s.now_ns
         if self._is_over(s):
             self.reset()
@@ -73,12 +78,22 @@ class CrossingWait:
         held = VehicleCommands(velocity_enu_ms=STOPPED, target_enu_m=state.aim.on_ground_enu_m)
         return held if s.guided else replace(held, mode="guided")
 
-    def _crosser(self, s: Situation) -> MovingObject | None:
+    def _follow(self, s: Situation) -> None:
+        """Sum up the time waited in this landing; a wait of another descent is over."""
+        since_asked_ns = s.now_ns - self._asked_ns
+        if since_asked_ns > SECOND:
+            self.reset()
+        if self._landing_ns != self._state.started_ns:
+            self._landing_ns, self._waited_ns = self._state.started_ns, 0
+        if self._since_ns is not None:
+            self._waited_ns += since_asked_ns
+        self._asked_ns = s.now_ns
+
+    def _crossers(self, s: Situation) -> tuple[MovingObject, ...]:
         aim, p = self._state.aim, self._state.parameters
-        one = crossing(s, aim, p)
-        if one is None and (self.is_on or self._state.why_not(s) is not None):
-            one = on_the_point(s, aim, p)
-        return one if one is not None and one.radius_m < SMALL_M else None
+        coming = crossing(s, aim, p)
+        doubtful = self.is_on or self._state.why_not(s) is not None
+        return (*coming, *on_the_point(s, aim, p)) if doubtful else coming
 
     def _is_over(self, s: Situation) -> bool:
         """Return whether the landing goes on, or something else must be done about the point."""

@@ -233,6 +233,40 @@ def test_what_stands_is_no_evidence_before_it_has_stood_for_long() -> None:
     assert not len(arrivals.points_enu_m)
 
 
+def test_rays_just_over_what_one_line_of_a_sensor_returned_prove_nothing() -> None:
+    """Lines 2 degrees apart are half a metre apart at 15 m: one may pass over a board, and none meet it."""
+    arrivals, origins = Arrivals(0.0, 0.0, SETTINGS), np.array([[0.0, 0.0, 10.0]])
+    across = np.linspace(-0.14, 0.14, 20)
+    board = np.column_stack([np.full(20, 11.1), across, np.full(20, 1.05)])
+    over = origins + (board + np.array([0.0, 0.0, 0.13]) - origins) * 1.12
+    nobody, scan = np.zeros(20, bool), np.zeros(20, np.uint16)
+    for k in range(100):
+        points, raised = (board, ~nobody) if k < 40 else (over, nobody)
+        arrivals.update(points, raised, nobody, scan, origins, 0.05 * k)
+    assert len(arrivals) == 2
+
+
+def test_what_stands_far_away_is_kept_until_the_sensor_is_back() -> None:
+    """The map's grid may not hold it meanwhile."""
+    settings = SETTINGS.model_copy(update={"max_age_s": 10.0})
+    arrivals, here = Arrivals(0.0, 0.0, settings), HERE[np.newaxis]
+    point, flags, scan = TOP[np.newaxis], np.ones(1, bool), np.zeros(1, np.uint16)
+    arrivals.update(point, flags, ~flags, scan, here, 0.0)
+    away = np.array([300.0, 0.0, 0.0])
+    _, evidence = arrivals.update(point + away, ~flags, ~flags, scan, here + away, 8.0)
+    assert (len(evidence), len(arrivals)) == (0, 1)
+    _, evidence = arrivals.update(point + np.array([5.0, 0.0, 0.0]), ~flags, ~flags, scan, here, 9.0)
+    assert (len(evidence), len(arrivals)) == (2, 0)
+
+
+def test_the_top_of_what_stands_is_its_highest_return() -> None:
+    arrivals, here = Arrivals(0.0, 0.0, SETTINGS), HERE[np.newaxis]
+    mast = TOP + np.column_stack([np.zeros((40, 2)), np.linspace(-1.0, 4.0, 40)])
+    flags = np.ones(40, bool)
+    arrivals.update(mast, flags, ~flags, np.zeros(40, np.uint16), here, 0.0)
+    assert arrivals.points_enu_m[:, 2].max() == mast[:, 2].max()
+
+
 def test_an_isolated_return_is_an_arrival_only_beside_others() -> None:
     looks = Looks()
     points = TOP + np.array([(0.0, 0.0, 0.0), (0.2, 0.0, 0.3), (5.0, 0.0, 0.0)])

@@ -80,6 +80,29 @@ def test_what_stands_on_the_ground_after_somebody_left_breaks_the_landing_off() 
     assert flight.time_s < passes_s + 11.0
 
 
+def test_a_person_does_not_make_it_wait_for_a_vehicle_beside_him() -> None:
+    flight = landing(4.0)
+    at_s = flight.time_s + 4.0
+    flight.moving = lambda f: (crosser(f, at_s), crosser(f, at_s, **CAR))
+    flight.fly_to(Phase.CLIMB)
+    assert not any("waiting" in text for text in flight.texts)
+
+
+def test_below_two_metres_over_a_head_it_climbs() -> None:
+    tall = {"radius_m": 0.5, "height_m": 3.1}
+    flight = landing(4.0, below_m=4.0, **tall).fly_to(Phase.CLIMB)
+    assert not any("waiting" in text for text in flight.texts)
+
+
+def test_people_who_keep_coming_are_waited_for_a_minute_in_all() -> None:
+    flight = landing(4.0)
+    flight.moving = lambda f: (crosser(f, f.time_s + 4.0),) if f.time_s % 10 < 7 else ()
+    began_s = flight.time_s
+    flight.fly_to(Phase.CLIMB)
+    assert flight.time_s - began_s < 100
+    assert flight.executive.tally.abort_reasons == ["object of 1.7 m moves in"]
+
+
 def test_a_vehicle_breaks_the_landing_off_and_the_point_is_tried_again() -> None:
     flight = landing(4.0, **CAR).fly_to(Phase.CLIMB)
     assert flight.executive.tally.abort_reasons == ["object of 1.5 m moves in"]
