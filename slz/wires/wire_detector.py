@@ -94,7 +94,7 @@ class WireDetector:
         still[some] = self._air.is_thin(kept.points_enu_m[some])
         kept = kept.some(still)
         self._candidates = kept.joined_with(new).bounded(now_s)
-        self._search(max(0, len(self._candidates) - len(new)), stamp_ns)
+        self._search(max(0, len(self._candidates) - len(new)), sensor_m, stamp_ns)
 
     def wires(self, datum_m: float) -> tuple[Wire, ...]:
         """Return the wires known now; datum_m: the height of the zero of the stored heights."""
@@ -129,7 +129,7 @@ class WireDetector:
                 tracked.count_rays(points, origin, origins, first, stride)
         self.tracked = [tracked for tracked in self.tracked if not tracked.is_contradicted]
 
-    def _search(self, first_new: int, stamp_ns: int) -> None:
+    def _search(self, first_new: int, sensor_m: Floats, stamp_ns: int) -> None:
         taken = np.zeros(len(self._candidates), bool)
         for found in new_wires(self._candidates, first_new, self._air):
             returns = self._candidates.some(found.members)
@@ -143,7 +143,8 @@ class WireDetector:
         self._merge()
         for tracked in self.tracked:
             tracked.extend(self._air)
-        self.tracked = self.tracked[-MOST_WIRES:]
+        if len(self.tracked) > MOST_WIRES:  # the nearest
+            self.tracked = sorted(self.tracked, key=lambda one: one.distance_m(sensor_m))[:MOST_WIRES]
 
     def _merge(self) -> None:
         """Make one of wires that one curve fits."""

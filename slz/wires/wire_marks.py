@@ -11,8 +11,8 @@ from slz.grid import Edges
 from slz.wires.detected_wire import Wire
 
 STEP_M = 0.1
-MOST_ASIDE_M = 1.0
-SIGMAS = 2.0  # of the place across the wire
+MOST_ASIDE_M, MOST_HIGHER_M = 1.0, 3.0
+SIGMAS = 2.0  # of the place across the wire, and of its height
 MOVED_M, RISEN_M, LONGER_M = 0.1, 0.2, 1.0  # from where a wire was marked, up to which its marks stay
 CHUNK = 100  # marks along a wire with edges of their own
 
@@ -53,8 +53,9 @@ class WireMarks:
 
 
 def _marks(wire: Wire) -> Floats:
-    """Return points (n, 3) along a wire, and beside it as far as its place is uncertain."""
-    points, _, _ = wire.sampled(STEP_M)
+    """Return points (n, 3) along a wire, beside and over it as far as its place is uncertain."""
+    points, height_sd_m, _ = wire.sampled(STEP_M)
+    points[:, 2] += np.minimum(MOST_HIGHER_M, SIGMAS * height_sd_m)
     aside_m = min(MOST_ASIDE_M, SIGMAS * wire.curve.aside_sd_m)
     count = int(np.ceil(aside_m / STEP_M))
     across = np.array([-wire.curve.along[1], wire.curve.along[0], 0.0])
