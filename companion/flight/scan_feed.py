@@ -115,12 +115,12 @@ class ScanFeed:
 
     def _add_scan(self, scan: Scan) -> None:
         """Map a scan, if this is the time for it."""
-        if not self._link.ready or not len(scan):
+        if not self._link.ready:
             return  # a window would wait for the warm-up, and be late
-        if self._executive.mapping and not self._stands_after_flight():
-            self._worker.add_scan(scan, self._scan_count())
-        else:
+        if not self._executive.mapping or self._stands_after_flight():
             self._worker.flush()
+        elif len(scan):
+            self._worker.add_scan(scan, self._scan_count())
 
     def _stands_after_flight(self) -> bool:
         """Tell whether it has landed: from its skids it sees the ground at grazing angles only."""

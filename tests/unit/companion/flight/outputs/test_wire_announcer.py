@@ -41,6 +41,13 @@ def test_a_wire_is_told_once() -> None:
     assert announcer.update(report(wire(1, 12.0))) is None
 
 
+def test_a_wire_that_is_found_again_is_not_told_again() -> None:
+    announcer = WireAnnouncer()
+    assert announcer.update(report(wire(1, 23.0)))
+    assert announcer.update(report(wire(2, 24.0))) is None
+    assert announcer.update(report(wire(3, 31.0)))
+
+
 def test_the_nearest_of_several_is_told_and_the_others_counted() -> None:
     told = WireAnnouncer().update(report(wire(1, 30.0), wire(2, -8.0), wire(3, 39.0)))
     assert told == (Severity.WARNING, "SLZ: wire 8 m away, bearing 270, 2 more")
