@@ -68,11 +68,11 @@ def likelihoods(
 
 
 @kernel
-def _verdict(wire: float, best: float) -> int:
+def _verdict(wire: float, best: float, dustiness: float) -> int:
     """Return the verdict of Wald's sequential test; a speck must be unlike the thinnest wire."""
     if best >= SURE:
         return OBJECT
-    return SPECK if wire <= -SURE else UNDECIDED
+    return SPECK if wire - dustiness <= -SURE else UNDECIDED
 
 
 @kernel
@@ -188,11 +188,11 @@ def judge(
                 counts[i],
             )  # fmt: skip
             wire, best = likelihoods(counts[i], radius, wire_m, bonus[i], rate)
-            found = _verdict(wire, best)
+            found = _verdict(wire, best, 0.0)
             if found != UNDECIDED:
                 break
-        if found == UNDECIDED and wire - _dustiness(air, away[i]) <= -SURE:
-            found = SPECK
+        if found == UNDECIDED:  # by all rays, and by the dust at that range
+            found = _verdict(wire, best, _dustiness(air, away[i]))
         verdicts[i] = found
         if best >= CERTAIN:
             key, slot = _voxel(east, north, up)
@@ -228,7 +228,4 @@ def judge_again(
             east, north, up, radius[i], sensor, first, rays, weights, clutter, starts, counts[i]
         )  # fmt: skip
         wire, best = likelihoods(counts[i], radius[i], wire_m, bonus[i], _rate(air, away[i]))
-        found = _verdict(wire, best)
-        if found == UNDECIDED and wire - _dustiness(air, away[i]) <= -SURE:
-            found = SPECK
-        verdicts[i] = found
+        verdicts[i] = _verdict(wire, best, _dustiness(air, away[i]))
