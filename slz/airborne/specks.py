@@ -15,6 +15,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.column_table import ColumnTable
 from slz.frame import LocalFrame, is_known
 from slz.kernels.points.ray_image import fill_image, first_cells
 from slz.kernels.points.speck_likelihood import LEAST_BALL_M, MOST_BALL_M, SHELLS, SLOTS, judge, judge_again
@@ -47,7 +48,7 @@ class ReturnKind(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class _Waiting:
+class _Waiting(ColumnTable):
     """Undecided returns: points (n, 3), stamps, intensity's share, ranges (n,), and counts of rays (n, 3)."""
 
     points: Floats
@@ -62,20 +63,6 @@ class _Waiting:
         return cls(
             np.empty((0, 3)), np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0), np.empty((0, 3))
         )
-
-    def some(self, which: NDArray[np.bool_] | slice) -> _Waiting:
-        return _Waiting(
-            self.points[which],
-            self.stamp_ns[which],
-            self.bonus[which],
-            self.away_m[which],
-            self.radius_m[which],
-            self.counts[which],
-        )
-
-    def followed_by(self, later: _Waiting) -> _Waiting:
-        names = ("points", "stamp_ns", "bonus", "away_m", "radius_m", "counts")
-        return _Waiting(*(np.concatenate([getattr(self, n), getattr(later, n)]) for n in names))
 
 
 class SpeckDetector:
@@ -202,7 +189,7 @@ class SpeckDetector:
         away = np.linalg.norm(points - scan.sensor_enu_m, axis=1)
         radius = np.clip(self._spread * away, LEAST_BALL_M, MOST_BALL_M)
         new = _Waiting(points, scan.stamp_ns[which], bonus[which], away, radius, counts[which])
-        self._waiting = self._waiting.followed_by(new).some(slice(-MOST_WAITING, None))
+        self._waiting = self._waiting.joined_with(new).some(slice(-MOST_WAITING, None))
 
 
 def without_specks(scan: Scan) -> Scan:

@@ -19,7 +19,7 @@ after thirty. What stands for longer than the evidence is kept, or than memory a
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from scipy import ndimage
 from scipy.special import betaincinv
 
 from params import Parameters
+from slz.column_table import ColumnTable
 from slz.kernels.air.passing_rays import (
     BASE,
     EAST,
@@ -61,7 +62,7 @@ DIRECTION = slice(EAST, UP + 1)
 
 
 @dataclass(slots=True)
-class _Columns:
+class _Columns(ColumnTable):
     """Columns, by row and column from the evidence's corner.
 
     records: see `slz.kernels.air.passing_rays`. since_s: when the first return came. highest, lowest: (m, 3).
@@ -82,14 +83,6 @@ class _Columns:
 
     def __len__(self) -> int:
         return len(self.cells)
-
-    def some(self, which: Flags) -> _Columns:
-        return _Columns(*(getattr(self, field.name)[which] for field in fields(self)))
-
-    def joined_with(self, other: _Columns) -> _Columns:
-        return _Columns(
-            *(np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self))
-        )
 
     @property
     def points(self) -> Points:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.column_table import ColumnTable
 from slz.kernels.points.clutter import (
     HIGH,
     LONELY_LEVEL_M,
@@ -25,7 +26,7 @@ Points = NDArray[np.float64]
 
 
 @dataclass(slots=True)
-class IsolatedReturns:
+class IsolatedReturns(ColumnTable):
     """Isolated returns of several windows.
 
     held_m2: rays per m² that the cells around hold; rays_m2: the same, with those that the cells forgot.
@@ -93,16 +94,6 @@ class IsolatedReturns:
             lonely=np.ones(n, bool),
             found=np.zeros(n, bool),
         )
-
-    def joined_with(self, other: IsolatedReturns) -> IsolatedReturns:
-        """Return these and others."""
-        return IsolatedReturns(
-            *(np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self))
-        )
-
-    def some(self, which: NDArray[np.bool_]) -> IsolatedReturns:
-        """Return some of the returns."""
-        return self if which.all() else IsolatedReturns(*(getattr(self, f.name)[which] for f in fields(self)))
 
     def count_rays(self, held_m2: Points) -> None:
         """Add the rays since the last call, from what the cells around hold now."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from slz.column_table import ColumnTable
 
 MOST = 1536  # returns kept
 MOST_OF_WINDOW = 384
@@ -16,7 +18,7 @@ Floats = NDArray[np.float64]
 
 
 @dataclass(slots=True)
-class WireCandidates:
+class WireCandidates(ColumnTable):
     """Returns (n, 3), standard deviations (n,) of their places, and when they were seen.
 
     window: (n,) number of the window. sensors_enu_m: (n, 3) positions of the sensor.
@@ -44,15 +46,6 @@ class WireCandidates:
         n = len(points_enu_m)
         sensors = np.tile(sensor_enu_m, (n, 1))
         return cls(points_enu_m, sigma_m, np.full(n, now_s), np.full(n, window), sensors)
-
-    def some(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> WireCandidates:
-        """Return some of the returns."""
-        return WireCandidates(*(getattr(self, f.name)[which] for f in fields(self)))
-
-    def joined_with(self, other: WireCandidates) -> WireCandidates:
-        """Return these and others."""
-        pairs = ((getattr(self, f.name), getattr(other, f.name)) for f in fields(self))
-        return WireCandidates(*(np.concatenate(pair) for pair in pairs))
 
     def thinned(self) -> WireCandidates:
         """Return one return for each cell of `PLACE_M`, and no more than `MOST_OF_WINDOW`."""
