@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -326,23 +327,22 @@ class DefaultMethod:
 
     def _raised(self, points: Points, alone: Flags, sensor: Points, near: ZoneMap) -> Flags:
         """Return which points are above known ground of the near map, at any range: they count at once."""
-        terrain, raised = near.terrain, np.zeros(len(points), bool)
+        raised = np.zeros(len(points), bool)
         if is_known(sensor):
-            believed = np.flatnonzero(~alone)
-            raised[believed] = terrain.tiles.contradicted_by(
-                _picked(points, ~alone), sensor, terrain.noise, self._p.relief_m
-            )
+            raised[~alone] = self._are_above(_picked(points, ~alone), sensor, near)
         return raised
+
+    def _are_above(self, points: Points, sensor: Points, near: ZoneMap) -> Flags:
+        """Return which points are higher over known ground of the near map than noise explains."""
+        terrain = near.terrain
+        return terrain.tiles.contradicted_by(points, sensor, terrain.noise, self._p.relief_m)
 
     def _stands_free(self, points: Points, raised: Flags, sensor: Points, near: ZoneMap) -> Flags:
         """Return which of the raised points have known and lower ground on all sides: others are of walls."""
-        terrain, free = near.terrain, raised.copy()
-        side_m = max(AROUND_M, self._p.cell_m)
-        for north in (-side_m, 0.0, side_m):
-            for east in (-side_m, 0.0, side_m):
-                some = np.flatnonzero(free)
-                beside = points[some] + (east, north, 0.0)
-                free[some] = terrain.tiles.contradicted_by(beside, sensor, terrain.noise, self._p.relief_m)
+        free, side_m = raised.copy(), max(AROUND_M, self._p.cell_m)
+        for north, east in product((-side_m, 0.0, side_m), repeat=2):
+            some = np.flatnonzero(free)
+            free[some] = self._are_above(points[some] + (east, north, 0.0), sensor, near)
         return free
 
     def _without_arrivals(
@@ -365,28 +365,25 @@ class DefaultMethod:
             return everything
         if not (raised.any() or len(self._arrivals) or len(self._arrivals.altered_enu_m)):
             return everything
-        terrain, now_s = near.terrain, near.tiles.now_s(window.end_ns * 1e-9)
-        above = terrain.tiles.contradicted_by(isolated, sensor, terrain.noise, self._p.relief_m)
-        walls = np.concatenate([raised, np.zeros(len(isolated), bool)])
-        raised = self._stands_free(points, raised, sensor, near)
-        walls[:n] &= ~raised
+        free, above = self._stands_free(points, raised, sensor, near), self._are_above(isolated, sensor, near)
         scan = np.concatenate([origin[kept.source], origin[kept.isolated_source]])
         order = np.argsort(scan, kind="stable")
-        together, above = np.concatenate([points, isolated]), np.concatenate([raised, above])
+        together, stands = np.concatenate([points, isolated]), np.concatenate([free, above])
         apart = np.empty(len(order), bool)
         apart[order], settled = self._arrivals.update(
             together[order],
-            above[order],
+            stands[order],
             order >= n,
             scan[order],
             origins - (0.0, 0.0, near.tiles.datum_m),
-            now_s,
+            near.tiles.now_s(window.end_ns * 1e-9),
         )
-        apart &= ~walls
-        at_their_feet = np.flatnonzero(apart & ~above)
-        over_known = near.tiles.differences(together[at_their_feet])[:, 3].astype(np.int64)
-        apart[at_their_feet] = False  # ground that was never seen is evidence, whoever stands beside it
-        apart[at_their_feet[over_known]] = True
+        # At their feet, walls stay evidence, and so does ground that was never seen before.
+        feet = apart & ~stands
+        feet[:n] &= ~raised
+        seen = np.zeros(len(feet), bool)
+        seen[np.flatnonzero(feet)[near.tiles.differences(together[feet])[:, 3].astype(np.int64)]] = True
+        apart &= stands | seen
         return ~apart[:n], ~apart[n:], settled
 
 
