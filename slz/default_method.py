@@ -281,9 +281,10 @@ class DefaultMethod:
         if kept.alone.any():  # then the isolated ones are among the points
             parts = [points]
         together, rays = np.concatenate(parts), None
-        if source is not None and window.origin is not None and window.origins_enu_m is not None:
+        origins = window.thin_origins_enu_m
+        if source is not None and window.origin is not None and origins is not None:
             sources = [source, kept.isolated_source, kept.distant_source][: len(parts)]
-            rays = window.origin[np.concatenate(sources)], window.origins_enu_m - datum_m
+            rays = window.origin[np.concatenate(sources)], origins - datum_m
         stamp_ns = window.end_ns
         self._wires.update(together, sensor - datum_m, near.tiles.latest_s, stamp_ns, rays)
         altered = self._marks.update(self._wires.wires(0.0))
@@ -357,18 +358,20 @@ class DefaultMethod:
     ) -> tuple[Flags, Flags, Points]:
         """Return which points and isolated points are not of arrivals, and those that are evidence after all.
 
-        Where the sensor's places are unknown, so are the rays, and nothing is an arrival.
+        Where the sensor's places are unknown, so are the rays, and nothing is an arrival. Nor is what a sensor
+        without thin rays returned: they could not prove that it has gone.
         """
-        origin, origins, n = window.origin, window.origins_enu_m, len(points)
+        origin, origins, n = window.origin, window.thin_origins_enu_m, len(points)
         everything = np.ones(n, bool), np.ones(len(isolated), bool), np.empty((0, 3))
         if origin is None or origins is None or kept.source is None or not is_known(sensor):
             return everything
+        thin = ~np.isnan(origins[:, 0])
         if not (raised.any() or len(self._arrivals) or len(self._arrivals.altered_enu_m)):
             return everything
         free, above = self._stands_free(points, raised, sensor, near), self._are_above(isolated, sensor, near)
         scan = np.concatenate([origin[kept.source], origin[kept.isolated_source]])
         order = np.argsort(scan, kind="stable")
-        together, stands = np.concatenate([points, isolated]), np.concatenate([free, above])
+        together, stands = np.concatenate([points, isolated]), np.concatenate([free, above]) & thin[scan]
         apart = np.empty(len(order), bool)
         apart[order], settled = self._arrivals.update(
             together[order],
@@ -376,6 +379,7 @@ class DefaultMethod:
             order >= n,
             scan[order],
             origins - (0.0, 0.0, near.tiles.datum_m),
+            sensor,
             near.tiles.now_s(window.end_ns * 1e-9),
         )
         # At their feet, walls stay evidence, and so does ground that was never seen before.

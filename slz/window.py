@@ -101,6 +101,7 @@ class Scan:
     attributes : of the n returns, None where the source gives none. open_enu_m : (m, 3) float64, points along
     rays in any direction that gave no return, None where the source does not report them; each stands for
     `open_weight` rays. kinds : (n,) uint8, `slz.airborne.specks.ReturnKind` of each, None if not judged.
+    has_thin_rays : whether a ray that passes a place shows that nothing is there.
     """
 
     points_enu_m: NDArray[np.float64]
@@ -111,6 +112,7 @@ class Scan:
     open_enu_m: NDArray[np.float64] | None = field(default=None, kw_only=True)
     open_weight: float = field(default=1.0, kw_only=True)
     kinds: NDArray[np.uint8] | None = field(default=None, kw_only=True)
+    has_thin_rays: bool = field(default=True, kw_only=True)
 
     def __post_init__(self) -> None:
         n = len(self.stamp_ns)
@@ -141,13 +143,22 @@ class Window(Scan):
     """Returns of all scans within one time window; same arrays as `Scan`.
 
     origin : (n,) uint16, the scan of each return, and origins_enu_m : (k, 3), the sensor's position in each
-    scan. None where only the last position is known: the angles of the rays are unknown then.
+    scan. None where only the last position is known: the angles of the rays are unknown then. thin_origin :
+    (k,) bool, `has_thin_rays` of each scan, None for all.
     """
 
     start_ns: int
     end_ns: int
     origin: NDArray[np.uint16] | None = field(default=None, kw_only=True)
     origins_enu_m: NDArray[np.float64] | None = field(default=None, kw_only=True)
+    thin_origin: NDArray[np.bool_] | None = field(default=None, kw_only=True)
+
+    @property
+    def thin_origins_enu_m(self) -> NDArray[np.float64] | None:
+        """Positions (k, 3) of the sensors whose rays are thin, NaN for those of others."""
+        if self.origins_enu_m is None or self.thin_origin is None:
+            return self.origins_enu_m
+        return np.where(self.thin_origin[:, np.newaxis], self.origins_enu_m, np.nan)
 
     def __post_init__(self) -> None:
         Scan.__post_init__(self)
@@ -239,6 +250,7 @@ def join(scans: Iterable[Scan]) -> Window:
         attributes=_attributes(scans),
         origin=np.repeat(np.arange(len(scans), dtype=np.uint16), [len(scan) for scan in scans]),
         origins_enu_m=np.array([scan.sensor_enu_m for scan in scans], np.float64),
+        thin_origin=np.array([scan.has_thin_rays for scan in scans]),
     )
 
 

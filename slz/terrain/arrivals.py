@@ -49,6 +49,7 @@ from slz.kernels.air.passing_rays import (
 SAME_M = 0.7  # over or below what stands in a column, up to which an isolated return may be its
 AROUND_M = 0.4  # around a column, in which other returns are of the same object
 FALSE_ALARM, DOUBT = 1e-3, 0.05
+FOOT_M = 0.05  # more than the relief limit that the ground was lower when it came
 OWN = 2.0  # rays that passed the column itself
 CAUTION = 0.7  # of the share's lower bound, for what is seen a little differently from one window to the next
 STAYS = 0.5  # of `max_age_s`, for which what stands is kept apart
@@ -86,6 +87,7 @@ class _Columns(ColumnTable):
 
     @property
     def points(self) -> Points:
+        """Highest and lowest returns (n, 3) of what stands."""
         return np.concatenate([self.highest[~self.gone], self.lowest[~self.gone]])
 
 
@@ -100,13 +102,14 @@ class Arrivals:
     Attributes
     ----------
     points_enu_m, altered_enu_m
-        (n, 3) highest and lowest return of each column, and those that are new or have gone since the last
-        window; in the heights of the evidence.
+        (n, 3) highest return of each column, and the ground that was known to be below its lowest one: what
+        stands is unsafe where that ground has grown too old. And those that are new or have gone since the
+        last window. In the heights of the evidence.
     """
 
     def __init__(self, west_m: float, south_m: float, parameters: Parameters) -> None:
         self._west_m, self._south_m, self._cell_m = west_m, south_m, parameters.cell_m
-        self._stays_s = STAYS * parameters.max_age_s
+        self._stays_s, self._least_m = STAYS * parameters.max_age_s, parameters.relief_m + FOOT_M
         self._around = math.ceil(AROUND_M / parameters.cell_m)
         # The map's grid holds all that is within a quarter of its side of the sensor.
         self._reach = min(MOST_SIDE // 2, max(1, int(parameters.zone_m / 4 / parameters.cell_m) - 1))
@@ -125,6 +128,7 @@ class Arrivals:
         isolated: Flags,
         origin: NDArray[np.uint16],
         origins_enu_m: Points,
+        sensor_enu_m: Points,
         now_s: float,
     ) -> tuple[Flags, Points]:
         """Take a window; return its returns that are no evidence, and those of what is so from now on.
@@ -140,11 +144,14 @@ class Arrivals:
         isolated
             (n,) which of them have few others around them. Alone they are no arrival.
         origin, origins_enu_m
-            (n,) the scan of each return, and (k, 3) the sensor's position in each scan, likewise.
+            (n,) the scan of each return, and (k, 3) the sensor's position in each scan, likewise; NaN where
+            its rays prove nothing, such as a radar's.
+        sensor_enu_m
+            (3,) east, north and up of the last scan.
         """
         before = self.points_enu_m
         origins = np.ascontiguousarray(origins_enu_m)
-        here = self._cells_of(origins[-1:])
+        here = self._cells_of(sensor_enu_m[np.newaxis])
         raised = raised & (np.abs(self._cells_of(points_enu_m) - here) <= self._reach).all(axis=1)
         near = (np.abs(self._held.cells - here) <= self._reach).all(axis=1)
         self._held, afar = self._held.some(near), self._held.some(~near)
@@ -166,7 +173,9 @@ class Arrivals:
         self._held = self._held.joined_with(
             afar.some(np.argsort(np.argsort(-afar.since_s, kind="stable")) < MOST_AFAR)
         )
-        self.points_enu_m = self._held.points
+        standing = self._held.some(~self._held.gone)
+        ground = standing.lowest - (0.0, 0.0, self._least_m)
+        self.points_enu_m = np.concatenate([standing.highest, ground])
         self.altered_enu_m = _in_one_only(before, self.points_enu_m)
         return apart, evidence
 

@@ -83,6 +83,7 @@ class Georeferencer:
             attributes=_attributes(returns, number, ends, origins),
             open_enu_m=ends,
             open_weight=returns.lost_weight,
+            has_thin_rays=returns.has_thin_rays,
         )
 
     def _place_lost(self, returns: Returns, history: PoseHistory) -> tuple[Floats, Floats]:

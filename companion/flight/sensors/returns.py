@@ -49,6 +49,7 @@ class RawReturns:
     lost_weight: float = field(default=1.0, kw_only=True)
     white: float = field(default=nan, kw_only=True)
     most_pitch_rad: float = field(default=inf, kw_only=True)
+    has_thin_rays: bool = field(default=True, kw_only=True)
 
     def __len__(self) -> int:
         return len(self.stamp_ns)
@@ -67,6 +68,7 @@ class RawReturns:
             lost_weight=self.lost_weight,
             white=self.white,
             most_pitch_rad=self.most_pitch_rad,
+            has_thin_rays=self.has_thin_rays,
         )
 
 
@@ -86,6 +88,8 @@ class Returns:
     lost_weight: number of rays without a return for which each ray in `lost` stands.
     white: intensity of a white diffuse target at any range, NaN where the sensor's scale is unknown.
     most_pitch_rad: the batch is valid only while the sensor's x axis is at most this far from level.
+    has_thin_rays: a ray that passes a place shows that nothing is there. Not so for the beam of a radar, nor
+    for the pixel of a flash LiDAR, whose median removes what is thin.
 
     The arrays must be contiguous, and become read-only.
     """
@@ -101,6 +105,7 @@ class Returns:
     lost_weight: float = field(default=1.0, kw_only=True)
     white: float = field(default=nan, kw_only=True)
     most_pitch_rad: float = field(default=inf, kw_only=True)
+    has_thin_rays: bool = field(default=True, kw_only=True)
 
     def __post_init__(self) -> None:
         n, lost = len(self.stamp_ns), len(self.lost_ns)
@@ -179,6 +184,7 @@ def _joined(parts: Sequence[R]) -> R:
         lost_weight=max(part.lost_weight for part in parts),
         white=parts[0].white if all(part.white == parts[0].white for part in parts) else nan,
         most_pitch_rad=min(part.most_pitch_rad for part in parts),
+        has_thin_rays=all(part.has_thin_rays for part in parts),
     )
 
 

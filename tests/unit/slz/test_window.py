@@ -117,6 +117,15 @@ def test_scans_of_two_sensors_are_joined_in_their_order_and_the_newest_stamp_end
     assert not window.stamp_ns.flags.writeable
 
 
+def test_only_thin_rays_have_an_origin_that_proves_something() -> None:
+    lidar, radar = scan(0, 0), replace(scan(50, 0), has_thin_rays=False)
+    window = join([lidar, radar])
+    assert window.origins_enu_m is not None
+    assert window.thin_origins_enu_m is not None
+    np.testing.assert_array_equal(window.thin_origins_enu_m[0], window.origins_enu_m[0])
+    assert np.isnan(window.thin_origins_enu_m[1]).all()
+
+
 def rated(first_ms: int, n: int = 3, lost: int = 2) -> Scan:
     """A scan whose intensities are its milliseconds, and whose lost rays end below them."""
     plain = scan(first_ms, 0, n)

@@ -120,6 +120,7 @@ class FlashDecoder:
                 none,
                 one,
                 one,
+                has_thin_rays=False,
             )
         )
 

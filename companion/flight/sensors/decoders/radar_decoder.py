@@ -151,7 +151,9 @@ def _points(block: list[_Line], counters: RadarCounters) -> list[RawReturns]:
     none, unknown = np.zeros(len(way), np.uint8), np.full(len(way), np.nan, np.float32)
     further = MOST_TURN * float(np.median(found.turn_m[good])) / float(altitude.max())
     most_pitch = float(np.arccos(1 / (1 + further)))
-    return [RawReturns(xyz, stamps, unknown, none, none, none, most_pitch_rad=most_pitch)]
+    return [
+        RawReturns(xyz, stamps, unknown, none, none, none, most_pitch_rad=most_pitch, has_thin_rays=False)
+    ]
 
 
 def _line(packet: bytes) -> _Line | None:

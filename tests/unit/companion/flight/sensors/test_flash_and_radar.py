@@ -283,3 +283,12 @@ def test_only_a_radar_flies_beside_a_lidar() -> None:
     history = PoseHistory(Parameters())
     with pytest.raises(UsageError, match="radar:HOST:PORT"):
         open_beside("livox:0.0.0.0:56301", Parameters(), history, lambda _scan: None)
+
+
+@pytest.mark.parametrize("kind", ["flash", "radar"])
+def test_rays_of_a_flash_lidar_and_of_a_radar_show_nothing_of_what_they_pass(kind: str) -> None:
+    sensor = {"flash": FlashSensor, "radar": RadarSensor}[kind](np.random.default_rng(1))
+    raw = decoded(decoder_for(kind), sensor.scan(0, 2 * SECOND, swaying, world()))
+    assert len(raw) > 0
+    assert not raw.has_thin_rays
+    assert not raw.shifted(5).has_thin_rays
