@@ -358,8 +358,8 @@ class DefaultMethod:
     ) -> tuple[Flags, Flags, Points]:
         """Return which points and isolated points are not of arrivals, and those that are evidence after all.
 
-        Where the sensor's places are unknown, so are the rays, and nothing is an arrival. Nor is anything that
-        a sensor without thin rays returned: they could not prove that it has gone.
+        Nothing is an arrival where the sensor's places, and so the rays, are unknown. Returns of a sensor
+        without thin rays are none either: these could not prove that it has gone.
         """
         origin, origins, n = window.origin, window.thin_origins_enu_m, len(points)
         everything = np.ones(n, bool), np.ones(len(isolated), bool), np.empty((0, 3))
