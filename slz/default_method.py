@@ -142,18 +142,21 @@ class DefaultMethod:
             self._follow_rays(points, window, kept, near)
         choice = chosen.result()
         clock.lap("registration")
-        ground, judged, settled = self._without_arrivals(
-            points, raised, isolated, sensor_enu_m, window, kept, near
-        )
-        clock.lap("arrivals")
         pinned = None if selected is None else selected.enu_m
         for zone_map in (near, far):
             zone_map.terrain.pin(pinned, self._p.touchdown_error_m)
         stamp_s = window.end_ns * 1e-9
-        altered = self._surface_of(points, trusted, sensor_enu_m, near, stamp_s, window, kept)
+        with run_concurrently(
+            self._other, self._surface_of, points, trusted, sensor_enu_m, near, stamp_s, window, kept
+        ) as surface:
+            ground, judged, settled = self._without_arrivals(
+                points, raised, isolated, sensor_enu_m, window, kept, near
+            )
+            clock.lap("arrivals")
+            altered = self._find_wires(points, isolated, distant, kept, sensor_enu_m, near, far, window)
+            clock.lap("wires")
+        altered += surface.result()
         clock.lap("surface")
-        altered += self._find_wires(points, isolated, distant, kept, sensor_enu_m, near, far, window)
-        clock.lap("wires")
         of_near, of_far = (_picked(points, which) for which in (ground & (trusted | raised), ground))
         if len(settled):
             of_near, of_far = (np.concatenate([some, settled]) for some in (of_near, of_far))

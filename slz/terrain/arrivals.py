@@ -152,12 +152,13 @@ class Arrivals:
         before = self.points_enu_m
         origins = np.ascontiguousarray(origins_enu_m)
         here = self._cells_of(sensor_enu_m[np.newaxis])
-        raised = raised & (np.abs(self._cells_of(points_enu_m) - here) <= self._reach).all(axis=1)
-        near = (np.abs(self._held.cells - here) <= self._reach).all(axis=1)
+        raised, up = raised.copy(), np.flatnonzero(raised)
+        raised[up] = self._within_reach(self._cells_of(points_enu_m[up]), here)
+        near = self._within_reach(self._held.cells, here)
         self._held, afar = self._held.some(near), self._held.some(~near)
-        self._add(points_enu_m, raised & ~isolated, origins[origin], now_s)
+        self._add(points_enu_m, raised & ~isolated, origin, origins, now_s)
         raised = raised & ~(isolated & ~self._beside(points_enu_m, self._around, SAME_M))
-        self._add(points_enu_m, raised & isolated, origins[origin], now_s)
+        self._add(points_enu_m, raised & isolated, origin, origins, now_s)
         apart = raised | (
             self._beside(points_enu_m, 1, math.inf) & (~isolated | self._beside(points_enu_m, 1, SAME_M))
         )
@@ -183,9 +184,15 @@ class Arrivals:
         """Return row and column (n, 2) of points (n, 3)."""
         return np.floor((points[:, 1::-1] - (self._south_m, self._west_m)) / self._cell_m).astype(np.int64)
 
-    def _add(self, points: Points, which: Flags, sensors: Points, now_s: float) -> None:
+    def _within_reach(self, cells: NDArray[np.int64], here: NDArray[np.int64]) -> Flags:
+        within: Flags = (np.abs(cells - here) <= self._reach).all(axis=1)
+        return within
+
+    def _add(
+        self, points: Points, which: Flags, origin: NDArray[np.uint16], origins: Points, now_s: float
+    ) -> None:
         if which.any():
-            self._held = self._with(points[which], sensors[which], now_s)
+            self._held = self._with(points[which], origins[origin[which]], now_s)
 
     def _beside(self, points: Points, around: int, upward_m: float) -> Flags:
         """Return which points (n, 3) are in the columns, or within a number of columns beside them.

@@ -17,6 +17,7 @@ PAD = 0.1  # m over the top and below the base, in which a return is of what sta
 THIN = 0.02  # the same, in which a ray counts as passing through it
 SAME_SIDE = np.cos(np.radians(20.0))  # between a ray and those that were returned, of rays that are alike
 PASSED, HIT = np.uint8(1), np.uint8(2)  # how a scan saw a column
+BLOCK = 16  # columns along the side of a block, which a ray crosses in one step where it has no record
 FARTHER = 1.25  # of the range of those that were returned, beyond which a ray may miss what is thin
 
 
@@ -55,6 +56,18 @@ def _end_scan(looks: Array1D[np.uint8], records: Array2D[np.float64]) -> None:
 
 
 @kernel
+def _blocks(index: Array2D[np.int32]) -> Array2D[np.bool_]:
+    """Return which blocks of columns have a record."""
+    rows, cols = index.shape
+    out = np.zeros(((rows - 1) // BLOCK + 1, (cols - 1) // BLOCK + 1), np.bool_)
+    for r in range(rows):
+        for c in range(cols):
+            if index[r, c] >= 0:
+                out[r // BLOCK, c // BLOCK] = True
+    return out
+
+
+@kernel
 def count_passing(
     points: ReadOnly2D[np.float64],
     origin: ReadOnly1D[np.uint16],
@@ -89,7 +102,7 @@ def count_passing(
     """
     rows, cols = index.shape
     lowest, highest = records[:, BASE].min() - THIN, records[:, TOP].max() + THIN
-    looks = np.zeros(len(records), np.uint8)
+    looks, blocks = np.zeros(len(records), np.uint8), _blocks(index)
     for i in range(len(points)):
         if i > 0 and origin[i] != origin[i - 1]:
             _end_scan(looks, records)
@@ -127,8 +140,10 @@ def count_passing(
         north, east = (1 if y > 0 else -1), (1 if x > 0 else -1)
         share = begin
         while share < end and 0 <= r < rows and 0 <= c < cols:
-            next_r = (south + (r + (y > 0)) * cell - o[1]) / y if y != 0.0 else np.inf
-            next_c = (west + (c + (x > 0)) * cell - o[0]) / x if x != 0.0 else np.inf
+            wide = 1 if blocks[r // BLOCK, c // BLOCK] else BLOCK
+            first_r, first_c = r // wide * wide, c // wide * wide
+            next_r = (south + (first_r + (wide if y > 0 else 0)) * cell - o[1]) / y if y != 0.0 else np.inf
+            next_c = (west + (first_c + (wide if x > 0 else 0)) * cell - o[0]) / x if x != 0.0 else np.inf
             leave = min(next_r, next_c, end)
             k = index[r, c]
             if k >= 0 and not (hit and k == own):
@@ -142,10 +157,13 @@ def count_passing(
                     if looks[k] == 0:
                         _mark(index, r, c, around, PASSED, looks, records)
             share = leave
+            if wide > 1:  # to where the ray leaves the block
+                r = min(first_r + wide - 1, max(first_r, int(np.floor((o[1] + share * y - south) / cell))))
+                c = min(first_c + wide - 1, max(first_c, int(np.floor((o[0] + share * x - west) / cell))))
             if next_r <= next_c:
-                r += north
+                r = first_r + wide if north > 0 else first_r - 1
             else:
-                c += east
+                c = first_c + wide if east > 0 else first_c - 1
     _end_scan(looks, records)
 
 
