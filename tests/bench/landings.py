@@ -24,7 +24,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.flight.landing.situation import Phase
 from sitl import scenes
 from sitl.autopilot.modes import Mode
-from sitl.intruders import read
+from sitl.intruders import Crosser, read
+from tests.bench.crossers import CrossingWitness
 from tests.e2e.harness import Mission
 
 HAZARD_BELOW_M = (5.0, 14.0)
@@ -105,7 +106,9 @@ def fly(flight: Plan, *, coarse: bool = False) -> dict[str, Any]:
         flight.scene, seed=flight.number, height_m=25.0, survey_s=15.0, simulated=simulated, max_wind_ms=20.0
     )
     witness = Witness(mission)
-    mission.sim.intruders = read(flight.hazards, flight.number)
+    intruders = read(flight.hazards, flight.number)
+    crossings = [CrossingWitness(mission, one) for one in intruders if isinstance(one, Crosser)]
+    mission.sim.intruders = [*intruders, *crossings]
 
     async def script(m: Mission) -> None:
         if flight.taken_over_in is not None:
@@ -133,7 +136,8 @@ def fly(flight: Plan, *, coarse: bool = False) -> dict[str, Any]:
         "error_m": mission.touchdown_error_m() if landed else None,
         "estimated_error_m": _estimated_error_m(mission) if landed else None,
         "aborts": tally.abort_reasons,
-        "hazard_arrived": any(i.arrived for i in mission.sim.intruders),
+        "hazard_arrived": any(i.arrived for i in intruders),
+        "crossing": crossings[0].figures() if crossings else None,
         "collision": mission.sim.vehicle.collision,
         "off_wind_deg": _off_wind_deg(mission) if landed else None,
         "commands_while_pilot_flies": witness.commands,
@@ -183,6 +187,8 @@ def summary(flights: list[dict[str, Any]]) -> dict[str, Any]:
         "off_wind_deg": _quantiles([f["off_wind_deg"] for f in flights if f["landed"] and f["wind_ms"] > 2]),
         "error_m": _quantiles([f["error_m"] for f in flights if f["landed"]]),
         "estimated_error_m": _quantiles([f["estimated_error_m"] for f in flights if f["landed"]]),
+        "late": sum(f["crossing"]["late"] for f in flights if f["crossing"]),
+        "needless_aborts": sum(f["crossing"]["needless"] for f in flights if f["crossing"]),
         "hazards": len(hazards),
         "hazards_broken_off": sum(bool(f["aborts"]) for f in hazards),
         "aborts_without_hazard": sum(len(f["aborts"]) for f in flights if f["hazards"] == "none"),
