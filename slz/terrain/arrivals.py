@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
+from scipy.spatial import cKDTree
 from scipy.special import betaincinv
 
 from params import Parameters
@@ -46,8 +47,9 @@ from slz.kernels.air.passing_rays import (
     sums_around,
 )
 
-SAME_M = 0.7  # over or below what stands in a column, up to which an isolated return may be its
+SAME_M = 0.7  # over what stands in a column, up to which an isolated return may be its
 AROUND_M = 0.4  # around a column, in which other returns are of the same object
+SEVERAL = 3  # isolated returns around one place, of an object at a low rate of rays
 FALSE_ALARM, DOUBT = 1e-3, 0.05
 FOOT_M = 0.05  # more than the relief limit that the ground was lower when it came
 OWN = 2.0  # rays that passed the column itself
@@ -142,7 +144,7 @@ class Arrivals:
             (n, 3) returns in the order of their scans, and (n,) which of them are higher over known ground
             than noise explains; in the heights of the evidence.
         isolated
-            (n,) which of them have few others around them. Alone they are no arrival.
+            (n,) which of them have few others around them. Fewer than `SEVERAL` are no arrival.
         origin, origins_enu_m
             (n,) the scan of each return, and (k, 3) the sensor's position in each scan, likewise; NaN where
             its rays prove nothing, such as a radar's.
@@ -156,9 +158,10 @@ class Arrivals:
         raised[up] = self._within_reach(self._cells_of(points_enu_m[up]), here)
         near = self._within_reach(self._held.cells, here)
         self._held, afar = self._held.some(near), self._held.some(~near)
-        self._add(points_enu_m, raised & ~isolated, origin, origins, now_s)
+        together = raised & (~isolated | _several(points_enu_m, raised & isolated))
+        self._add(points_enu_m, together, origin, origins, now_s)
         raised = raised & ~(isolated & ~self._beside(points_enu_m, self._around, SAME_M))
-        self._add(points_enu_m, raised & isolated, origin, origins, now_s)
+        self._add(points_enu_m, raised & ~together, origin, origins, now_s)
         apart = raised | (
             self._beside(points_enu_m, 1, math.inf) & (~isolated | self._beside(points_enu_m, 1, SAME_M))
         )
@@ -197,7 +200,7 @@ class Arrivals:
     def _beside(self, points: Points, around: int, upward_m: float) -> Flags:
         """Return which points (n, 3) are in the columns, or within a number of columns beside them.
 
-        They are no farther than `upward_m` from the heights of what stands there.
+        They are no more than `upward_m` over what stands there.
         """
         if not len(self._held):
             return np.zeros(len(points), bool)
@@ -280,14 +283,26 @@ class Arrivals:
         """Return which columns the rays that passed prove empty."""
         records = self._held.records
         cells = np.argwhere(index >= 0)[np.argsort(index[index >= 0])]
-        rays = sums_around(index, cells, self._around, records)
-        scans = records[:, SCANS_RETURNED : SCANS_SINCE + 1]
-        return _proves_empty(rays) & _proves_empty(scans) & (records[:, SINCE] >= OWN)
+        returned, before, since = sums_around(index, cells, self._around, records).T
+        scans = records[:, SCANS_RETURNED : SCANS_SINCE + 1].T
+        own = records[:, SINCE] >= OWN
+        # The first one began the count.
+        return own & _proves_empty(returned - 1, before, since) & _proves_empty(scans[0] - 1, *scans[1:])
 
 
-def _proves_empty(counts: Points) -> Flags:
-    """Return where numbers (m, 3) of what was returned, passed before and passed since prove emptiness."""
-    returned, before, since = counts.T
+def _several(points: Points, which: Flags) -> Flags:
+    """Return which of some points (n, 3) have as many others around them as make an object."""
+    out, at = np.zeros(len(points), bool), np.flatnonzero(which)
+    if len(at) >= SEVERAL:
+        around = cKDTree(points[at] * (1.0, 1.0, AROUND_M / SAME_M)).query_ball_point(
+            points[at] * (1.0, 1.0, AROUND_M / SAME_M), AROUND_M, return_length=True
+        )
+        out[at] = around >= SEVERAL
+    return out
+
+
+def _proves_empty(returned: Points, before: Points, since: Points) -> Flags:
+    """Return where numbers (m,) of what was returned, passed before and passed since prove emptiness."""
     share = CAUTION * betaincinv(np.maximum(returned, 0.5), before + 1, DOUBT)
     proven: Flags = since * -np.log1p(-share) >= -math.log(FALSE_ALARM)
     return proven

@@ -35,6 +35,7 @@ JIB_BEFORE_M = 3.0
 WIND_MS = 10.0
 SCENES = tuple(name for name in scenes.NAMES if name != "dust_out")  # whose dust blinds a LiDAR alone
 FINE = {"tick_ns": 2_500_000, "lidar_ms": 20, "point_rate_hz": 50_000}
+REAL = {"tick_ns": 10_000_000, "lidar_ms": 50, "point_rate_hz": 200_000}  # of a Mid-360
 COARSE = {"tick_ns": 5_000_000, "lidar_ms": 50, "point_rate_hz": 25_000}
 FLYING_COMMANDS = frozenset(
     {mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_CMD_NAV_LAND, mavlink.MAV_CMD_DO_REPOSITION}
@@ -51,6 +52,7 @@ class Plan:
     hazards: str = "none"
     taken_over_in: Phase | None = None
     wind_ms: float = 3.0
+    crossed: bool = False
 
 
 def plan(number: int, kind: str) -> Plan:
@@ -59,7 +61,7 @@ def plan(number: int, kind: str) -> Plan:
     Kinds: mixed has a car in every fourth and a pilot who takes over in every tenth flight; calm has neither
     them nor wind; wind blows up to `WIND_MS`; hazard has a car in every flight, which drives onto the point;
     jib has a crane's jib before it, which swings over the vehicle; crossing has something that passes the
-    point.
+    point, seen at the rate of a real sensor.
     """
     rng = np.random.default_rng(number)
     phases = (Phase.SURVEY, Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
@@ -76,7 +78,7 @@ def plan(number: int, kind: str) -> Plan:
     if kind == "jib":
         return Plan(number, scene, f"jib@{below_m + JIB_BEFORE_M:.2f},car@{below_m:.2f}")
     if kind == "crossing":
-        return Plan(number, scene, f"{CROSSERS[number % len(CROSSERS)]}@{below_m:.2f}")
+        return Plan(number, scene, f"{CROSSERS[number % len(CROSSERS)]}@{below_m:.2f}", crossed=True)
     return Plan(number, scene, car if number % 4 == 3 else "none", phase if number % 10 == 4 else None)
 
 
@@ -101,9 +103,15 @@ class Witness:
 def fly(flight: Plan, *, coarse: bool = False) -> dict[str, Any]:
     """Fly one landing and return what came of it."""
     started = time.perf_counter()
-    simulated = (COARSE if coarse else FINE) | {"wind_ms": flight.wind_ms}
+    sensor = REAL if flight.crossed else COARSE if coarse else FINE
+    height_m, survey_s = (20.0, 8.0) if flight.crossed else (25.0, 15.0)
     mission = Mission(
-        flight.scene, seed=flight.number, height_m=25.0, survey_s=15.0, simulated=simulated, max_wind_ms=20.0
+        flight.scene,
+        seed=flight.number,
+        height_m=height_m,
+        survey_s=survey_s,
+        simulated=sensor | {"wind_ms": flight.wind_ms},
+        max_wind_ms=20.0,
     )
     witness = Witness(mission)
     intruders = read(flight.hazards, flight.number)

@@ -8,8 +8,8 @@ from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D,
 from slz.kernels.jit import kernel
 
 # Fields of a column's record: lowest and highest return (m); number of rays it returned, of those that passed
-# before the last one that it or a column around returned, and of those since; the same of scans, of it and of
-# the columns around; unit vector and length (m) of the rays returned.
+# between the first and the last one that it or a column around returned, and of those since; the same of
+# scans, of it and of the columns around; unit vector and length (m) of the rays returned.
 BASE, TOP, RETURNED, BEFORE, SINCE, SCANS_RETURNED, SCANS_BEFORE, SCANS_SINCE = range(8)
 EAST, NORTH, UP, RANGE = range(8, 12)
 FIELDS = 12
@@ -31,15 +31,22 @@ def _mark(
     looks: Array1D[np.uint8],
     records: Array2D[np.float64],
 ) -> None:
-    """Note how a scan saw the columns around a ray; rays that passed before a return count as before it."""
+    """Note how a scan saw the columns around a ray.
+
+    Rays that passed before the first return do not count: perhaps nothing stood there yet. Rays that passed
+    before another one were not returned by what stands there.
+    """
     for i in range(max(0, r - around), min(index.shape[0], r + around + 1)):
         for j in range(max(0, c - around), min(index.shape[1], c + around + 1)):
             k = index[i, j]
             if k >= 0:
-                looks[k] = max(looks[k], look)
                 if look == HIT:
-                    records[k, BEFORE] += records[k, SINCE]
+                    if records[k, SCANS_RETURNED] > 0.0 or looks[k] == HIT:
+                        records[k, BEFORE] += records[k, SINCE]
+                    else:
+                        records[k, SCANS_SINCE] = 0.0
                     records[k, SINCE] = 0.0
+                looks[k] = max(looks[k], look)
 
 
 @kernel
@@ -198,10 +205,10 @@ def are_beside(
 ) -> Array1D[np.bool_]:
     """Return (n,) which points are over a column with a record, or over one of those around such a column.
 
-    They are no farther than `upward` (m) over the top or below the base of a record there.
+    They are no more than `upward` (m) over the top of a record there.
     """
     rows, cols = index.shape
-    low, high = np.full((rows, cols), np.inf), np.full((rows, cols), -np.inf)
+    high = np.full((rows, cols), -np.inf)
     out = np.zeros(len(points), np.bool_)
     for r in range(rows):
         for c in range(cols):
@@ -209,11 +216,10 @@ def are_beside(
             if k >= 0:
                 for i in range(max(0, r - around), min(rows, r + around + 1)):
                     for j in range(max(0, c - around), min(cols, c + around + 1)):
-                        low[i, j] = min(low[i, j], records[k, BASE] - upward)
                         high[i, j] = max(high[i, j], records[k, TOP] + upward)
     for i in range(len(points)):
         r = int(np.floor((points[i, 1] - south) / cell))
         c = int(np.floor((points[i, 0] - west) / cell))
         if 0 <= r < rows and 0 <= c < cols:
-            out[i] = low[r, c] <= points[i, 2] <= high[r, c]
+            out[i] = points[i, 2] <= high[r, c]
     return out

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 from companion.flight.landing.aim import Aim
 from companion.flight.landing.situation import Situation
@@ -13,6 +14,7 @@ SLOWEST_MS, FASTEST_MS = 0.5, 1.5  # sink rates of autopilots at the end of a la
 LONGEST_S = 10.0  # ahead; who moves does not keep a course for longer
 BEFORE_S, AFTER_S = 1.0, 2.0  # around the touchdown, in which nothing may be there
 DECIDED_M = 3.0  # above the height at which the landing is committed: earlier there is time to go on looking
+SHOWN_S = 2.5  # after somebody left, until which the newest map may show him there: a window and its time
 PERSON_M = 1.0  # radius of returns up to which an object may be a person
 PERSON_BERTH_M, BERTH_M = 1.5, 0.7  # beside the footprint; people move as they like
 PERSON_HEIGHT_M = 1.2, 2.2
@@ -29,12 +31,19 @@ def crossing(s: Situation, aim: Aim, parameters: Parameters) -> tuple[MovingObje
         return ()
     from_s = max(0.0, aim.height_left_m / FASTEST_MS - BEFORE_S)
     until_s = min(LONGEST_S, aim.height_left_m / SLOWEST_MS + AFTER_S)
-    return _within_berth(s, aim, p, from_s, until_s)
+    return _within_berth(s.moving, s, aim, p, from_s, until_s)
 
 
 def on_the_point(s: Situation, aim: Aim, parameters: Parameters) -> tuple[MovingObject, ...]:
     """Return the objects that move over the point now."""
-    return _within_berth(s, aim, parameters, 0.0, 0.0)
+    return _within_berth(s.moving, s, aim, parameters, 0.0, 0.0)
+
+
+def lately_on_the_point(
+    known: Iterable[MovingObject], s: Situation, aim: Aim, parameters: Parameters
+) -> tuple[MovingObject, ...]:
+    """Return which objects move over the point, or did so when the newest map was measured."""
+    return _within_berth(known, s, aim, parameters, -SHOWN_S, 0.0)
 
 
 def leaves_after_s(one: MovingObject, s: Situation, aim: Aim, parameters: Parameters) -> float:
@@ -55,12 +64,17 @@ def name(one: MovingObject) -> str:
 
 
 def _within_berth(
-    s: Situation, aim: Aim, parameters: Parameters, from_s: float, until_s: float
+    moving: Iterable[MovingObject],
+    s: Situation,
+    aim: Aim,
+    parameters: Parameters,
+    from_s: float,
+    until_s: float,
 ) -> tuple[MovingObject, ...]:
     if aim.enu_m is None:
         return ()
     point, times = aim.enu_m[:2], (s.now_ns + round(from_s * 1e9), s.now_ns + round(until_s * 1e9))
-    return tuple(one for one in s.moving if one.nearest(point, *times)[0] < _berth_m(one, parameters))
+    return tuple(one for one in moving if one.nearest(point, *times)[0] < _berth_m(one, parameters))
 
 
 def _berth_m(one: MovingObject, parameters: Parameters) -> float:

@@ -7,7 +7,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from companion.flight.landing.interruptions.crossing import crossing, leaves_after_s, name, on_the_point
+from companion.flight.landing.interruptions.crossing import (
+    crossing,
+    lately_on_the_point,
+    leaves_after_s,
+    name,
+    on_the_point,
+)
 from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.situation import (
     STOPPED,
@@ -24,6 +30,7 @@ FREE_NS = SECOND  # nobody crosses, before the landing goes on
 GIVEN_BACK_NS = 6 * SECOND  # after somebody left, until which the map must show point and way in safe again
 LONGEST_NS = 20 * SECOND
 MOST_NS = 60 * SECOND  # of all waits of a landing
+KNOWN_NS = 2 * SECOND  # for which an object goes on as it did, whose track was lost
 MARGIN_S = 1.0  # of the time told to the pilot
 
 
@@ -37,6 +44,7 @@ class CrossingWait:
         self._asked_ns = 0
         self._landing_ns: int | None = None  # when the landing was ordered
         self._waited_ns = 0
+        self._known: dict[int, MovingObject] = {}
 
     @property
     def is_on(self) -> bool:
@@ -88,12 +96,15 @@ class CrossingWait:
         if self._since_ns is not None:
             self._waited_ns += since_asked_ns
         self._asked_ns = s.now_ns
+        seen = self._known | {one.number: one for one in s.moving}
+        self._known = {number: one for number, one in seen.items() if s.now_ns - one.stamp_ns < KNOWN_NS}
 
     def _crossers(self, s: Situation) -> tuple[MovingObject, ...]:
         aim, p = self._state.aim, self._state.parameters
         coming = crossing(s, aim, p)
-        doubtful = self.is_on or self._state.why_not(s) is not None
-        return (*coming, *on_the_point(s, aim, p)) if doubtful else coming
+        if self._state.why_not(s) is not None:  # it may be they that the map shows
+            return *coming, *lately_on_the_point(self._known.values(), s, aim, p)
+        return (*coming, *on_the_point(s, aim, p)) if self.is_on else coming
 
     def _is_over(self, s: Situation) -> bool:
         """Return whether the landing goes on, or something else must be done about the point."""

@@ -110,6 +110,22 @@ def test_somebody_who_came_makes_it_unsafe_at_once_and_who_left_gives_it_back() 
     assert shares[7] == 1.0
 
 
+def test_who_walks_by_gives_each_place_back_behind_him() -> None:
+    """Rays that passed before he came tell nothing of him, and his lonely returns go with the others."""
+
+    def walker(at: float) -> list[Box]:
+        east = 1.5 * (at - 1) - 4
+        return [((east - 0.2, 0.85, 0.0), (east + 0.2, 1.15, 1.75))] if 3 <= at < 7 else []
+
+    rng, pipe = np.random.default_rng(1), pipeline()
+    shares = []
+    for second in range(8):
+        pipe.process(window(second, rng, walker, n=60_000))
+        shares.append(safe_share(pipe, 2.0, 1.0, 0.7))
+    assert shares[4:6] == [0.0] * 2
+    assert shares[7] == 1.0
+
+
 def test_ground_that_is_first_seen_while_somebody_stands_beside_it_is_known() -> None:
     rng, pipe = np.random.default_rng(4), pipeline()
     first, second = window(0, rng, lambda _: []), window(1, rng, lambda _: [MAN])

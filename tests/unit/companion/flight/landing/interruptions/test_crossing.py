@@ -67,6 +67,20 @@ def test_the_ground_may_be_unsafe_while_somebody_is_on_it_and_some_seconds_after
     assert any("person crossing" in text for text in flight.texts)
 
 
+def test_the_map_may_show_somebody_who_has_left_and_whose_track_is_lost() -> None:
+    """A map is as old as its window."""
+    flight = Flight([zone(1, 5, 5)], height=20.0)
+    flight.fly_to(Phase.DESCEND).until(lambda f: f.position[2] < 16)
+    passes_s = flight.time_s + 4.0
+    flight.moving = lambda f: (crosser(f, passes_s),) if f.time_s < passes_s + 1.0 else ()
+    shown = (passes_s + 1.5, passes_s + 3.0)
+    flight.state = lambda _height, _point: (
+        PointState.UNSAFE if shown[0] < flight.time_s < shown[1] else PointState.SAFE
+    )
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 0
+
+
 def test_what_stands_on_the_ground_after_somebody_left_breaks_the_landing_off() -> None:
     flight = Flight([zone(1, 5, 5)], height=20.0)
     flight.fly_to(Phase.DESCEND).until(lambda f: f.position[2] < 16)
