@@ -72,8 +72,8 @@ def test_the_map_may_show_somebody_who_has_left_and_whose_track_is_lost() -> Non
     flight = Flight([zone(1, 5, 5)], height=20.0)
     flight.fly_to(Phase.DESCEND).until(lambda f: f.position[2] < 16)
     passes_s = flight.time_s + 4.0
-    flight.moving = lambda f: (crosser(f, passes_s),) if f.time_s < passes_s + 1.0 else ()
-    shown = (passes_s + 1.5, passes_s + 3.0)
+    flight.moving = lambda f: (crosser(f, passes_s),) if f.time_s < passes_s + 1.5 else ()
+    shown = (passes_s + 2.2, passes_s + 3.7)
     flight.state = lambda _height, _point: (
         PointState.UNSAFE if shown[0] < flight.time_s < shown[1] else PointState.SAFE
     )
