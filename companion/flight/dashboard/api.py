@@ -114,6 +114,33 @@ class Zones(BaseModel):
     features: list[Feature]
 
 
+class LineOrPoint(BaseModel):
+    """LineString with altitudes, or Point (RFC 7946)."""
+
+    type: Literal["LineString", "Point"]
+    coordinates: list[Any]
+
+
+class Hazard(BaseModel):
+    """Wire, or something that moves, by the property `kind`: wire or moving.
+
+    A wire has the properties of the summary; its line goes on to where it is extrapolated. Something that
+    moves has `speed_ms`, `course_deg` (clockwise from north), `radius_m` and `height_m`.
+    """
+
+    type: Literal["Feature"]
+    id: str
+    geometry: LineOrPoint
+    properties: dict[str, Any]
+
+
+class Hazards(BaseModel):
+    """Wires of the newest report, and what moves now."""
+
+    type: Literal["FeatureCollection"]
+    features: list[Hazard]
+
+
 def status(
     state: dict[str, Any] | None, picture: dict[str, Any] | None, alarms: list[dict[str, str]], reports: int
 ) -> Status:

@@ -96,6 +96,14 @@ def make_app(site: Site) -> ASGIApp:
     async def zones() -> Response:
         return Response(await site.collection(), media_type="application/geo+json")
 
+    @app.get(
+        "/api/hazards.geojson",
+        summary="Wires and what moves, as GeoJSON (WGS-84)",
+        response_model=api.Hazards,
+    )
+    async def hazards() -> Response:
+        return Response(await site.hazards(), media_type="application/geo+json")
+
     @app.websocket("/live")
     async def live(socket: WebSocket) -> None:
         role = socket.scope[ROLE]

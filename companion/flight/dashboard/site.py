@@ -19,6 +19,7 @@ from companion.flight.dashboard.security.token_check import TokenCheck
 from companion.flight.dashboard.tile_pyramid import LEVELS, TilePyramids
 from companion.flight.dashboard.zone_shapes import ZoneShapes
 from companion.flight.landing.situation import Reply
+from companion.flight.outputs.hazard_features import hazard_features
 from companion.flight.outputs.zone_feature import zone_feature
 
 log = logging.getLogger(__name__)
@@ -151,6 +152,18 @@ class Site:
         if self._collection[0] != number:
             self._collection = number, await self.in_thread(_collection, report)
         return self._collection[1]
+
+    async def hazards(self) -> bytes:
+        """Return the wires of the newest report, and what moves now, as GeoJSON."""
+        report, state = self.board.report, self.board.state
+        features = (
+            []
+            if report is None
+            else await self.in_thread(
+                hazard_features, report.wires, () if state is None else state["moving"], report.frame
+            )
+        )
+        return json.dumps({"type": "FeatureCollection", "features": features}).encode()
 
     # ---- requests -------------------------------------------------------------------------------
 

@@ -30,6 +30,8 @@ from companion.flight.landing.wind.wind_limit import WindLimit
 from companion.flight.landing.zone_choice import must_be_confirmed, soonest
 from params import Parameters
 from slz import Corridors, PointState, Zone
+from slz.landing_point.corridors import corridor_radius_m
+from slz.wires.detected_wire import nearest_wire
 
 SECOND = 1_000_000_000
 STUCK_NS = 60 * SECOND  # beyond twice the travel time of a phase
@@ -212,7 +214,7 @@ class LandingState:
         unconfirmed = self.unconfirmed(s)
         if unconfirmed is not None:
             return f"{unconfirmed}: not confirmed"
-        return "way in blocked" if self._is_way_blocked(s) else None
+        return "way in blocked" + self.wire_suffix(s) if self._is_way_blocked(s) else None
 
     def give_way(self, s: Situation) -> VehicleCommands | None:
         """Break the landing off for what will be at the point at the touchdown; None without it.
@@ -289,13 +291,22 @@ class LandingState:
         return suspected and self.aim.is_at(selected)
 
     def cause_suffix(self, s: Situation) -> str:
-        """Return the end of a reason against the point: what came onto it, or suspected water."""
+        """Return the end of a reason against the point: what came onto it, suspected water, or a wire."""
         came = s.intrusion
-        return self.water_suffix(s) if came is None else f": object of {came.height_m:.1f} m came"
+        if came is not None:
+            return f": object of {came.height_m:.1f} m came"
+        return self.water_suffix(s) or self.wire_suffix(s)
 
     def water_suffix(self, s: Situation) -> str:
         """Return the end of a reason against the point, where water is suspected there."""
         return ": may be water" if self.may_be_water(s) else ""
+
+    def wire_suffix(self, s: Situation) -> str:
+        """Return the end of a reason against the point or the way down, where a wire passes over both."""
+        if s.report is None or self.aim.enu_m is None:
+            return ""
+        nearest = nearest_wire(s.report.wires, self.aim.enu_m)
+        return "" if nearest is None or nearest[1] > corridor_radius_m(self.parameters) else ": wire"
 
     def is_battery_low(self, s: Situation) -> bool:
         """Return whether the charge is at or below the one at which to land."""

@@ -95,7 +95,7 @@ class Descent:
         if not s.blocked or s.now_ns - state.since_ns < BLOCKED_NS:
             self._free_ns = s.now_ns
         if s.now_ns - self._free_ns >= BLOCKED_NS:
-            return state.break_off("way in blocked", s)
+            return state.break_off("way in blocked" + state.wire_suffix(s), s)
         if away_m > TARGET_FROM_M or self._near_since_ns is None or self._near_since_ns < state.since_ns:
             self._near_since_ns = s.now_ns
         stands = stands_at(s.selected, s.heading_rad)

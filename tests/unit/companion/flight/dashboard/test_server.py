@@ -444,7 +444,7 @@ async def test_the_api_says_what_its_description_promises() -> None:
         assert [feature["properties"]["map"] for feature in found["features"]] == ["near"]
         assert "application/geo+json" in s.head
         spec = json.loads((await s.http("/api/openapi.json"))[1])
-        assert set(spec["paths"]) == {"/api/status", "/api/zones.geojson"}
+        assert set(spec["paths"]) == {"/api/status", "/api/zones.geojson", "/api/hazards.geojson"}
         assert spec["paths"]["/api/zones.geojson"]["get"]["responses"]["200"]["content"]
         status = json.loads((await s.http("/api/status"))[1])
         assert set(status) == set(spec["components"]["schemas"]["Status"]["properties"])

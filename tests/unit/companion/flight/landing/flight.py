@@ -25,6 +25,7 @@ from slz import (
     Report,
     SelectedPoint,
     SurfaceHere,
+    Wire,
     Zone,
 )
 from slz.surface.surface_kinds import UNKNOWN_SURFACE
@@ -95,6 +96,7 @@ class Flight:
         self.blocked: Callable[[Flight], bool] = lambda _flight: False
         self.blocked_above: Callable[[Flight], bool] = lambda _flight: False
         self.corridors: Callable[[Flight], Corridors | None] = lambda _flight: None
+        self.wires: tuple[Wire, ...] = ()
         self.push = np.zeros(3)  # added to the velocity flown: wind, or another's hand
         self.failsafe = self.breached = self.switched = False
         self.estimate_lost = self.cause = ""
@@ -127,7 +129,7 @@ class Flight:
         near, far = MapReport(GRID, tuple(self.zones)), MapReport(GRID, tuple(self.far_zones))
         choice = Choice(100.0, 20.0, 0.0, False, 0, 1.0)
         report = Report(0, FRAME, near, far, choice, selected, 1000, 1000, 0, 0, False, {})
-        report = replace(report, prior=MapReport(GRID, tuple(self.prior_zones)))
+        report = replace(report, prior=MapReport(GRID, tuple(self.prior_zones)), wires=self.wires)
         return Situation(
             now_ns=self.now_ns,
             connected=self.connected,

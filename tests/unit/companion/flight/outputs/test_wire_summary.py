@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from companion.flight.outputs.hazard_features import hazard_features
 from companion.flight.outputs.wire_summary import wire_feature, wire_summary
 from companion.flight.recorder.journal import report_document
 from slz import LocalFrame, Wire
@@ -46,3 +47,22 @@ def test_recordings_hold_the_wires_of_a_report() -> None:
     (told,) = json.loads(report_document(replace(found, wires=(WIRE,))))["wires"]
     assert told["heights"] == [9.0, 0.0, 0.002]
     assert told["from_to_m"] == [-25.0, 40.0]
+
+
+def test_hazards_are_wires_as_lines_and_what_moves_as_points() -> None:
+    walker = {
+        "number": 7,
+        "enu_m": [10.0, 20.0],
+        "velocity_ms": [-1.5, 0.0],
+        "radius_m": 0.3,
+        "height_m": 1.7,
+    }
+    wire, moving = json.loads(json.dumps(hazard_features([WIRE], [walker], FRAME)))
+    assert wire["properties"]["kind"] == "wire"
+    expected = FRAME.lla([10.0, 20.0, 0.0])
+    assert moving["geometry"] == {
+        "type": "Point",
+        "coordinates": pytest.approx([expected[1], expected[0]], abs=1e-6),
+    }
+    told = moving["properties"]
+    assert (told["kind"], told["course_deg"], told["speed_ms"]) == ("moving", 270, 1.5)

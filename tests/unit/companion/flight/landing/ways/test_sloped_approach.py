@@ -9,7 +9,8 @@ import numpy as np
 
 from companion.flight.geometry.wind import Wind
 from companion.flight.landing.situation import Phase
-from slz import SAFE, UNKNOWN, UNSAFE, Corridors
+from slz import SAFE, UNKNOWN, UNSAFE, Corridors, PointState, Wire
+from slz.wires.sagging_curve import SaggingCurve
 from tests.unit.companion.flight.landing.flight import Flight, zone
 from tests.unit.companion.flight.landing.ways.corridors import made
 
@@ -150,3 +151,15 @@ def test_a_battery_that_becomes_low_on_the_way_out_brings_it_back_and_straight_d
     one.battery_pct = 20.0
     places = track(one, Phase.DESCEND)
     assert np.hypot(places[:, 0], places[:, 1]).max() < 2
+
+
+def test_a_wire_over_the_point_is_named_as_the_reason() -> None:
+    across = SaggingCurve(
+        np.array([-20.0, 1.0]), np.array([1.0, 0.0]), np.array([9.0, 0.0, 0.002]), np.eye(3) * 1e-4, 0.1, 1.0
+    )
+    one = Flight([zone(1, 0, 0)], height=20.0)
+    one.fly_to(Phase.DESCEND)
+    one.wires = (Wire(1, across, 0.0, 40.0, 0.0, 40.0, (False, False), 50, 1, 2),)
+    one.state = lambda _height, _point: PointState.UNSAFE
+    one.fly_to(Phase.CLIMB)
+    assert one.executive.tally.abort_reasons == ["point unsafe: wire"]
