@@ -40,7 +40,7 @@ from slz.prior import Source as PriorSource
 from slz.report import MapReport
 from slz.stage_clock import StageClock
 from slz.surface.surface_map import NO_SIGNAL, Signal, SurfaceMap
-from slz.terrain.arrivals import AROUND_M, Arrivals
+from slz.terrain.arrivals import AROUND_M, FEET_M, Arrivals
 from slz.window import Window
 from slz.wires.wire_detector import WireDetector
 from slz.wires.wire_marks import WireMarks
@@ -336,10 +336,15 @@ class DefaultMethod:
             raised[~alone] = self._are_above(_picked(points, ~alone), sensor, near)
         return raised
 
-    def _are_above(self, points: Points, sensor: Points, near: ZoneMap) -> Flags:
-        """Return which points are higher over known ground of the near map than noise explains."""
-        terrain = near.terrain
-        return terrain.tiles.contradicted_by(points, sensor, terrain.noise, self._p.relief_m)
+    def _are_above(
+        self, points: Points, sensor: Points, near: ZoneMap, least_m: float | None = None
+    ) -> Flags:
+        """Return which points are higher over known ground of the near map than noise and a height explain.
+
+        By default that of what stands on ground: `relief_m`.
+        """
+        terrain, least_m = near.terrain, self._p.relief_m if least_m is None else least_m
+        return terrain.tiles.contradicted_by(points, sensor, terrain.noise, least_m)
 
     def _stands_free(self, points: Points, raised: Flags, sensor: Points, near: ZoneMap) -> Flags:
         """Return which of the raised points have known and lower ground on all sides: others are of walls."""
@@ -375,22 +380,23 @@ class DefaultMethod:
         scan = np.concatenate([origin[kept.source], origin[kept.isolated_source]])
         order = np.argsort(scan, kind="stable")
         together, stands = np.concatenate([points, isolated]), np.concatenate([free, above]) & thin[scan]
+        over = self._are_above(together, sensor, near, FEET_M)
         apart = np.empty(len(order), bool)
         apart[order], settled = self._arrivals.update(
             together[order],
             stands[order],
+            over[order],
             order >= n,
             scan[order],
             origins - (0.0, 0.0, near.tiles.datum_m),
             sensor,
             near.tiles.now_s(window.end_ns * 1e-9),
         )
-        # At their feet, walls stay evidence, and so does ground that was never seen before.
-        feet = apart & ~stands
-        feet[:n] &= ~raised
+        # At their feet, ground that was never seen before stays evidence.
+        feet = apart & ~(stands | over)
         seen = np.zeros(len(feet), bool)
         seen[np.flatnonzero(feet)[near.tiles.differences(together[feet])[:, 3].astype(np.int64)]] = True
-        apart &= stands | seen
+        apart &= stands | over | seen
         return ~apart[:n], ~apart[n:], settled
 
 

@@ -49,6 +49,7 @@ from slz.kernels.air.passing_rays import (
 
 SAME_M = 0.7  # over what stands in a column, up to which an isolated return may be its
 AROUND_M = 0.4  # around a column, in which other returns are of the same object
+FEET_M = 0.1  # over known ground, from which returns around a column are of what stands there
 SEVERAL = 3  # isolated returns around one place, of an object at a low rate of rays
 FALSE_ALARM, DOUBT = 1e-3, 0.05
 FOOT_M = 0.05  # more than the relief limit that the ground was lower when it came
@@ -127,6 +128,7 @@ class Arrivals:
         self,
         points_enu_m: Points,
         raised: Flags,
+        over: Flags,
         isolated: Flags,
         origin: NDArray[np.uint16],
         origins_enu_m: Points,
@@ -142,7 +144,10 @@ class Arrivals:
         ----------
         points_enu_m, raised
             (n, 3) returns in the order of their scans, and (n,) which of them are higher over known ground
-            than noise explains; in the heights of the evidence.
+            than noise and a height explain, with lower ground on all sides; in the heights of the evidence.
+        over
+            (n,) which of them are more than `FEET_M` and noise over known ground: around a column they are
+            its own, whatever is beside them.
         isolated
             (n,) which of them have few others around them. Fewer than `SEVERAL` are no arrival.
         origin, origins_enu_m
@@ -160,11 +165,12 @@ class Arrivals:
         self._held, afar = self._held.some(near), self._held.some(~near)
         together = raised & (~isolated | _several(points_enu_m, raised & isolated))
         self._add(points_enu_m, together, origin, origins, now_s)
-        raised = raised & ~(isolated & ~self._beside(points_enu_m, self._around, SAME_M))
+        beside = self._beside(points_enu_m, self._around, SAME_M)
+        raised = raised & (~isolated | beside)
         self._add(points_enu_m, raised & ~together, origin, origins, now_s)
-        apart = raised | (
-            self._beside(points_enu_m, 1, math.inf) & (~isolated | self._beside(points_enu_m, 1, SAME_M))
-        )
+        beside = self._beside(points_enu_m, self._around, SAME_M)
+        below = self._beside(points_enu_m, 1, math.inf) & ~isolated
+        apart = raised | (over & beside) | below
         settled = self._settled(now_s)
         evidence, self._held = self._held.some(settled).points, self._held.some(~settled)
         if len(self._held):

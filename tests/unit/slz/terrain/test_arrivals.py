@@ -162,7 +162,14 @@ def test_what_stands_is_never_given_up(there: Box, pattern: Rays) -> None:
         assert origins is not None
         raised = points[:, 2] - 0.04 * points[:, 0] > 0.3
         arrivals.update(
-            points, raised, np.zeros(len(points), bool), origin, origins, looked.sensor_enu_m, float(second)
+            points,
+            raised,
+            raised,
+            np.zeros(len(points), bool),
+            origin,
+            origins,
+            looked.sensor_enu_m,
+            float(second),
         )
         assert len(arrivals) >= before
         before = len(arrivals)
@@ -192,7 +199,7 @@ class Looks:
         self._time_s += 0.05
         nobody, scan = np.zeros(len(places), bool), np.zeros(len(places), np.uint16)
         apart, _ = self.arrivals.update(
-            points, raised, nobody, scan, sensor[np.newaxis], sensor, self._time_s
+            points, raised, raised, nobody, scan, sensor[np.newaxis], sensor, self._time_s
         )
         return apart
 
@@ -247,9 +254,9 @@ def test_what_stands_is_no_evidence_before_it_has_stood_for_long() -> None:
     stays = SETTINGS.model_copy(update={"max_age_s": 1.0})
     arrivals = Arrivals(0.0, 0.0, stays)
     points, flags, scan = TOP[np.newaxis].copy(), np.ones(1, bool), np.zeros(1, np.uint16)
-    _, evidence = arrivals.update(points, flags, ~flags, scan, HERE[np.newaxis], HERE, 0.0)
+    _, evidence = arrivals.update(points, flags, flags, ~flags, scan, HERE[np.newaxis], HERE, 0.0)
     assert not len(evidence)
-    _, evidence = arrivals.update(points, ~flags, ~flags, scan, HERE[np.newaxis], HERE, 2.0)
+    _, evidence = arrivals.update(points, ~flags, ~flags, ~flags, scan, HERE[np.newaxis], HERE, 2.0)
     assert (evidence == TOP).all()
     assert len(evidence)
     assert not len(arrivals.points_enu_m)
@@ -264,7 +271,7 @@ def test_rays_just_over_what_one_line_of_a_sensor_returned_prove_nothing() -> No
     nobody, scan = np.zeros(20, bool), np.zeros(20, np.uint16)
     for k in range(100):
         points, raised = (board, ~nobody) if k < 40 else (over, nobody)
-        arrivals.update(points, raised, nobody, scan, origins, origins[0], 0.05 * k)
+        arrivals.update(points, raised, raised, nobody, scan, origins, origins[0], 0.05 * k)
     assert len(arrivals) == 2
 
 
@@ -273,11 +280,13 @@ def test_what_stands_far_away_is_kept_until_the_sensor_is_back() -> None:
     settings = SETTINGS.model_copy(update={"max_age_s": 10.0})
     arrivals, here = Arrivals(0.0, 0.0, settings), HERE[np.newaxis]
     point, flags, scan = TOP[np.newaxis], np.ones(1, bool), np.zeros(1, np.uint16)
-    arrivals.update(point, flags, ~flags, scan, here, HERE, 0.0)
+    arrivals.update(point, flags, flags, ~flags, scan, here, HERE, 0.0)
     away = np.array([300.0, 0.0, 0.0])
-    _, evidence = arrivals.update(point + away, ~flags, ~flags, scan, here + away, HERE + away, 8.0)
+    _, evidence = arrivals.update(point + away, ~flags, ~flags, ~flags, scan, here + away, HERE + away, 8.0)
     assert (len(evidence), len(arrivals)) == (0, 1)
-    _, evidence = arrivals.update(point + np.array([5.0, 0.0, 0.0]), ~flags, ~flags, scan, here, HERE, 9.0)
+    _, evidence = arrivals.update(
+        point + np.array([5.0, 0.0, 0.0]), ~flags, ~flags, ~flags, scan, here, HERE, 9.0
+    )
     assert (len(evidence), len(arrivals)) == (2, 0)
 
 
@@ -285,7 +294,7 @@ def test_the_top_of_what_stands_is_its_highest_return() -> None:
     arrivals, here = Arrivals(0.0, 0.0, SETTINGS), HERE[np.newaxis]
     mast = TOP + np.column_stack([np.zeros((40, 2)), np.linspace(-1.0, 4.0, 40)])
     flags = np.ones(40, bool)
-    arrivals.update(mast, flags, ~flags, np.zeros(40, np.uint16), here, HERE, 0.0)
+    arrivals.update(mast, flags, flags, ~flags, np.zeros(40, np.uint16), here, HERE, 0.0)
     assert arrivals.points_enu_m[:, 2].max() == mast[:, 2].max()
 
 
@@ -294,9 +303,22 @@ def test_an_isolated_return_is_an_arrival_only_beside_others() -> None:
     points = TOP + np.array([(0.0, 0.0, 0.0), (0.2, 0.0, 0.3), (5.0, 0.0, 0.0)])
     origins = HERE[np.newaxis].copy()
     raised, isolated = np.ones(3, bool), np.array([False, True, True])
-    apart, _ = looks.arrivals.update(points, raised, isolated, np.zeros(3, np.uint16), origins, HERE, 0.0)
+    apart, _ = looks.arrivals.update(
+        points, raised, raised, isolated, np.zeros(3, np.uint16), origins, HERE, 0.0
+    )
     assert apart.tolist() == [True, True, False]
     assert looks.arrivals.points_enu_m[:, 2].max() == TOP[2] + 0.3
+
+
+def test_what_is_low_around_an_arrival_is_its_own_and_ground_beside_it_is_not() -> None:
+    """Shins are lower than an obstacle; as evidence they would stay where somebody walked."""
+    looks = Looks()
+    shin, ground = (0.4, 0.0, -1.5), (0.4, 0.0, -1.75)
+    points = TOP + np.array([(0.0, 0.0, 0.0), shin, ground])
+    raised, over = np.array([True, False, False]), np.array([True, True, False])
+    scan, nobody = np.zeros(3, np.uint16), np.zeros(3, bool)
+    apart, _ = looks.arrivals.update(points, raised, over, nobody, scan, HERE[np.newaxis].copy(), HERE, 0.0)
+    assert apart.tolist() == [True, True, False]
 
 
 def test_rays_of_a_radar_prove_nothing() -> None:
@@ -305,7 +327,14 @@ def test_rays_of_a_radar_prove_nothing() -> None:
     points, nobody = HERE + (TOP + np.zeros((10, 3)) - HERE) * 1.16, np.zeros(10, bool)
     for k in range(100):
         looks.arrivals.update(
-            points, nobody, nobody, np.zeros(10, np.uint16), np.full((1, 3), np.nan), HERE, 2.0 + 0.05 * k
+            points,
+            nobody,
+            nobody,
+            nobody,
+            np.zeros(10, np.uint16),
+            np.full((1, 3), np.nan),
+            HERE,
+            2.0 + 0.05 * k,
         )
     assert len(looks.arrivals)
 
@@ -317,7 +346,7 @@ def test_what_stands_on_ground_that_has_grown_too_old_is_no_ground() -> None:
     roof = np.column_stack([east.ravel(), north.ravel(), np.full(east.size, 3.0)])
     flags, sensor = np.ones(len(roof), bool), np.array([4.0, 4.0, 15.0])
     scan = np.zeros(len(roof), np.uint16)
-    arrivals.update(roof, flags, ~flags, scan, sensor[np.newaxis], sensor, 0.0)
+    arrivals.update(roof, flags, flags, ~flags, scan, sensor[np.newaxis], sensor, 0.0)
     terrain = EvidenceTerrain(Grid(0.0, 0.0, SETTINGS.cell_m, 40, 40), SETTINGS)
     terrain.arrivals = arrivals
     terrain.add(np.array([[0.1, 0.1, 0.0]]), sensor, 0.0)
