@@ -7,6 +7,9 @@ PROGRAM := $(VENV)/.program
 TOOLS := $(VENV)/.installed
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
+# The workers of the tests, and the programs that these start, share what Python has compiled.
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: demo test setup checks kernels lint types docs unit bench coverage mutation campaign soak fuzz audit constraints fresh clean
 
 demo: $(PROGRAM)
@@ -19,8 +22,12 @@ test: setup
 
 checks: lint types docs
 
+# Those of the simulator are compiled by a short flight, and the assertions of the tests by collecting these.
 kernels: setup
 	$(BIN)/python -c 'from companion.runtime.kernel_compilation import everything; everything()'
+	$(BIN)/python -m sitl --scene power_line --intruder walker@10 --mavlink udpout:127.0.0.1:9 --lidar-to 127.0.0.1:9 \
+	    --speedup 0 --pilot takeoff --takeoff-alt 5 --duration 12 > /dev/null
+	-$(BIN)/python -m pytest --collect-only --quiet > /dev/null
 
 # The whole environment; `make demo` installs the program alone.
 setup: $(TOOLS)
