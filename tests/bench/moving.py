@@ -1,7 +1,7 @@
 """Recall, assigned returns and false tracks of moving objects, by the simulator's truth of each return.
 
 python -m tests.bench.moving crossings --runs 14 --out crossings.json
-python -m tests.bench.moving static --scene swaying_trees --runs 20
+python -m tests.bench.moving static --scenes swaying_trees --runs 20
 
 The vehicle hovers or sinks at 5 to 20 m with a Mid-360 that looks down. A run of `crossings` has one object
 of each kind on straight ways; a run of `static` has none, and every track in it is a false one.
