@@ -10,11 +10,12 @@ from slz.frame import LocalFrame
 from slz.landing_point.local_heights import Nearby
 from slz.moving.groups import groups
 from slz.moving.raised_returns import Ground, RaisedReturns, raised_returns
+from slz.moving.recent_ground import RecentGround
 from slz.moving.tracks import MovingObject, Tracks
 from slz.window import Scan
 
 KEPT_NS = 400_000_000  # returns that are grouped together: a person 25 m away returns some in this time
-STEP_NS = 90_000_000  # between two updates of the tracks
+STEP_NS = 45_000_000  # between two updates of the tracks
 
 
 class MovingObjects:
@@ -34,6 +35,8 @@ class MovingObjects:
     def __init__(self, angle_noise_rad: float) -> None:
         self._angle_noise_rad = angle_noise_rad
         self._ground: Ground | None = None
+        self._recent = RecentGround()
+        self._newest_ns = 0
         self._frame: LocalFrame | None = None
         self._tracks = Tracks()
         self._kept: deque[RaisedReturns] = deque()
@@ -42,24 +45,29 @@ class MovingObjects:
 
     def use_ground(self, nearby: Nearby | None) -> None:
         """Compare scans with the ground of a report from now on, None for none."""
-        self._ground = None if nearby is None else Ground.of(nearby)
+        self._ground = None if nearby is None else self._recent.add(nearby, self._newest_ns)
         if nearby is None:
+            self._recent.forget()
             self.found = ()
 
     def forget(self) -> None:
         """Forget ground and tracks: a new map begins."""
         self._ground, self.found = None, ()
         self._tracks.forget()
+        self._recent.forget()
         self._kept.clear()
 
     def add(self, scan: Scan) -> tuple[MovingObject, ...]:
         """Take a scan; return what moves now."""
-        if self._ground is None or not len(scan):
+        if not len(scan):
             return self.found
-        now_ns = int(scan.stamp_ns[-1])
+        self._newest_ns = now_ns = int(scan.stamp_ns[-1])
+        if self._ground is None:
+            return self.found
         if scan.frame != self._frame or now_ns < self._updated_ns:
             self._tracks.forget()
             self._kept.clear()
+            self._recent.forget()
             self._frame, self._updated_ns = scan.frame, 0
         new = raised_returns(scan, self._ground, self._angle_noise_rad)
         if new is not None:

@@ -14,7 +14,7 @@ from slz.landing_point.local_heights import Nearby
 from slz.moving.common_shift import common_shift_m
 from slz.window import Scan
 
-LEAST_M, MOST_M = 0.35, 5.0  # over the ground: dogs and grass in the wind, lorries and branches
+LEAST_M, MOST_M = 0.25, 5.0  # over the ground: dogs, and more than grass in the wind; lorries and branches
 SIGMAS = 4.0  # of a height at the end of a ray, that noise explains
 EVEN_M = 0.4  # between the highest and the lowest of 3 x 3 blocks
 LEAST_RANGE_M = 1.5  # of a return; nearer is the vehicle itself, or dust of its rotors
@@ -45,6 +45,16 @@ class Ground(HeightPatch):
         tops, even = highest_around(nearby.ground_m, nearby.top_m, EVEN_M)
         place = {"west_m": nearby.west_m, "south_m": nearby.south_m, "cell_m": nearby.cell_m}
         return cls(**place, top_m=tops, even=even, ground_m=nearby.ground_m)
+
+    @property
+    def even_top_m(self) -> NDArray[np.float32]:
+        """Tops of even blocks, NaN elsewhere."""
+        return np.where(self.even, self.top_m, np.float32(np.nan))
+
+    @property
+    def even_ground_m(self) -> NDArray[np.float32]:
+        """Ground of even blocks, NaN elsewhere."""
+        return np.where(self.even, self.ground_m, np.float32(np.nan))
 
     def below_m(self, enu_m: Floats) -> float:
         """Return the median of the ground within `BELOW_M` of a place; where unknown, of all ground."""
@@ -79,7 +89,7 @@ def raised_returns(scan: Scan, ground: Ground, angle_noise_rad: float) -> Raised
     aside_m, range_m = np.hypot(way[:, 0], way[:, 1]), np.linalg.norm(way, axis=1)
     even = ground.even.ravel()[cell] & (aside_m < REACH_M)
     shift_m = common_shift_m(over[even], cell[even])
-    bound = LEAST_M + SIGMAS * angle_noise_rad * aside_m + shift_m
+    bound = np.hypot(LEAST_M, SIGMAS * angle_noise_rad * aside_m) + shift_m
     raised = (beyond > bound) & (over - shift_m < MOST_M)  # False for NaN
     raised &= (aside_m < REACH_M) & (range_m > LEAST_RANGE_M)
     if not raised.any():

@@ -17,17 +17,17 @@ from scipy.optimize import linear_sum_assignment
 
 from slz.moving.groups import Group
 
-PLACE_M = 0.25  # standard deviation of a group's middle: returns show one side, then another
+PLACE_M = 0.12, 0.25  # standard deviation of a group's middle: returns show one side, then another
+OF_RADIUS = 0.35  # the same, of the radius
 PUSH_MS2 = 1.5  # of accelerations: walkers turn, cars brake
 FASTEST_MS = 15.0  # standard deviation of the speed of a new object, and bound of its gate
 GATE_SIGMAS, LEAST_GATE_M = 3.0, 0.6
 LOST_NS = 600_000_000  # without a group
-SURE_HITS, SURE_NS = 4, 250_000_000  # from which a track tells whether it moves
-AGREED = 2  # successive groups that must tell so: another object's group may be taken for its own
+SURE_HITS, SURE_NS = 3, 150_000_000  # from which a track tells whether it moves
 LEAST_MS = 0.4  # slower is standing: a tree in the wind, or noise
-SURE_SIGMAS = 2.0  # of the speed
+SURE_SIGMAS = 1.6  # of the speed
 LEAST_RADIUS_M = 0.2
-WAY_M = 0.6  # from where it was first seen
+WAY_M = 0.25  # and half of its radius, from where it was first seen
 
 Floats = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ class _Track:
     ground_m: float
     hits: int = 1
     seen_ns: int = 0
-    agreed: int = 0  # successive groups after which it seemed to move
+    moves: bool = False  # by its last group
 
     def predict(self, stamp_ns: int) -> None:
         """Move to a time."""
@@ -91,7 +91,7 @@ class _Track:
         """Take a group as a measurement of the place where the object was at its stamp."""
         late_s = (self.stamp_ns - group.stamp_ns) * 1e-9
         seen = np.hstack([np.eye(2), -late_s * np.eye(2)])
-        spread = seen @ self.covariance @ seen.T + PLACE_M**2 * np.eye(2)
+        spread = seen @ self.covariance @ seen.T + _place_noise_m(group) ** 2 * np.eye(2)
         gain = self.covariance @ seen.T @ np.linalg.inv(spread)
         self.state = self.state + gain @ (group.enu_m - seen @ self.state)
         self.covariance = self.covariance - gain @ seen @ self.covariance
@@ -101,12 +101,7 @@ class _Track:
         self.ground_m = group.ground_m
         self.hits += 1
         self.seen_ns = group.stamp_ns
-        self.agreed = self.agreed + 1 if self._seems_to_move() else 0
-
-    @property
-    def moves(self) -> bool:
-        """Whether it is certain to move."""
-        return self.agreed >= AGREED
+        self.moves = self._seems_to_move()
 
     def _seems_to_move(self) -> bool:
         speed = float(np.hypot(*self.state[2:]))
@@ -166,7 +161,7 @@ class Tracks:
         ]
 
     def _begin(self, group: Group, now_ns: int) -> None:
-        covariance = np.diag([PLACE_M**2, PLACE_M**2, FASTEST_MS**2 / 9, FASTEST_MS**2 / 9])
+        covariance = np.diag([PLACE_M[1] ** 2] * 2 + [FASTEST_MS**2 / 9] * 2)
         state = np.array([*group.enu_m, 0.0, 0.0])
         self._tracks.append(
             _Track(
@@ -177,5 +172,9 @@ class Tracks:
 
 
 def _gate_m(track: _Track) -> float:
-    spread = math.sqrt(float(np.linalg.eigvalsh(track.covariance[:2, :2])[-1]) + PLACE_M**2)
+    spread = math.sqrt(float(np.linalg.eigvalsh(track.covariance[:2, :2])[-1]) + PLACE_M[1] ** 2)
     return min(max(LEAST_GATE_M, GATE_SIGMAS * spread), LEAST_GATE_M + FASTEST_MS / 5)
+
+
+def _place_noise_m(group: Group) -> float:
+    return float(np.clip(OF_RADIUS * group.radius_m, *PLACE_M))

@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from slz import LocalFrame, MovingObject, MovingObjects, Nearby, Scan
+from slz.moving.groups import groups
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 SENSOR = np.array([0.0, 0.0, 10.0])
@@ -100,8 +101,57 @@ def test_what_stands_sways_or_is_not_there_does_not_move() -> None:
         assert not any(followed(scans(*ways, seconds=6.0)))
 
 
-def test_specks_of_dust_are_no_object() -> None:
-    assert not any(followed(scans(specks=25, seconds=6.0)))
+@pytest.mark.parametrize(("specks", "seed"), [(2, 1), (10, 1), (10, 2), (25, 1), (25, 2), (30, 1)])
+def test_specks_of_dust_are_no_object(specks: int, seed: int) -> None:
+    assert not any(followed(scans(specks=specks, seconds=6.0, seed=seed)))
+
+
+def test_the_report_that_shows_who_walks_does_not_hide_him() -> None:
+    """Each shows him for the last second, as high as he is, over the ground of the first."""
+    way = straight((-3.0, 6.0), (0.9, 0.0))
+    watch, found = MovingObjects(ANGLE_NOISE), []
+    for number, scan in enumerate(scans(way, count=12, size_m=1.7, seconds=5.0)):
+        if number % 10 == 0:
+            known = ground()
+            for t in np.arange(number * 0.05 - 1.0, number * 0.05, 0.1) if number else ():
+                row, col = (int((m + 30.0) / 0.5) for m in way(t)[::-1])
+                known.top_m[row, col] = 1.7
+            watch.use_ground(known)
+        found.append(watch.add(scan))
+    assert all(found[30:])
+    np.testing.assert_allclose(found[-1][0].velocity_ms, (0.9, 0.0), atol=0.35)
+
+
+def test_a_dog_far_off_is_found() -> None:
+    watch = MovingObjects(math.radians(0.15))
+    watch.use_ground(ground())
+    found = [watch.add(scan) for scan in scans(straight((-3.0, 20.0), (2.0, 0.0)), count=4, size_m=0.55)]
+    assert all(found[20:])
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_who_runs_is_found_within_half_a_second(seed: int) -> None:
+    found = followed(scans(straight((-3.0, 6.0), (3.0, 0.0)), count=4, size_m=0.6, seconds=0.5, seed=seed))
+    assert found[-1]
+    np.testing.assert_allclose(found[-1][0].velocity_ms, (3.0, 0.0), atol=1.5)
+
+
+def test_three_returns_are_an_object_in_clear_air_and_none_among_specks() -> None:
+    rng, few = np.random.default_rng(1), np.array([[1.0, 1.0, 0.5], [1.2, 1.0, 0.6], [1.0, 1.3, 0.7]])
+    air = np.column_stack([rng.uniform(-15, 15, (100, 2)), rng.uniform(0.5, 4.5, 100)])
+    alone = groups(few, few[:, 2], np.arange(3) * SCAN_NS)
+    assert len(alone) == 1
+    among = np.concatenate([few, air[np.hypot(*(air[:, :2] - 1.0).T) > 2.0]])
+    assert not groups(among, among[:, 2], np.arange(len(among)) * 1000)
+
+
+def test_a_group_is_where_its_newest_returns_are() -> None:
+    stamps = np.arange(40) * 10_000_000
+    points = np.column_stack([stamps * 2e-9, np.zeros(40), np.full(40, 0.5)])
+    (one,) = groups(points, points[:, 2], stamps)
+    assert one.stamp_ns > stamps[-1] - 60_000_000
+    np.testing.assert_allclose(one.enu_m, (one.stamp_ns * 2e-9, 0.0), atol=0.01)
+    assert one.radius_m == pytest.approx(0.39, abs=0.1)
 
 
 def test_a_jump_of_all_heights_is_no_object() -> None:
