@@ -27,7 +27,7 @@ from slz import MovingObject
 SMALL_M = 0.7  # radius of the returns of what is waited for
 LEAST_HEIGHT_M, OVER_HEAD_M = 3.0, 2.0  # over the point and over who crosses, for a wait; lower, it climbs
 FREE_NS = SECOND  # nobody crosses, before the landing goes on
-GIVEN_BACK_NS = 6 * SECOND  # after somebody left, until which the map must show point and way in safe again
+GIVEN_BACK_NS = 12 * SECOND  # after somebody left, until which the map must show point and way in safe again
 LONGEST_NS = 20 * SECOND
 MOST_NS = 60 * SECOND  # of all waits of a landing
 KNOWN_NS = 2 * SECOND  # for which an object goes on as it did, whose track was lost
