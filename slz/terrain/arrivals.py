@@ -24,7 +24,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
-from scipy.spatial import cKDTree
 from scipy.special import betaincinv
 
 from params import Parameters
@@ -50,7 +49,6 @@ from slz.kernels.air.passing_rays import (
 SAME_M = 0.7  # over what stands in a column, up to which an isolated return may be its
 AROUND_M = 0.4  # around a column, in which other returns are of the same object
 FEET_M = 0.1  # over known ground, from which returns around a column are of what stands there
-SEVERAL = 3  # isolated returns around one place, of an object at a low rate of rays
 FALSE_ALARM, DOUBT = 1e-3, 0.05
 FOOT_M = 0.05  # more than the relief limit that the ground was lower when it came
 OWN = 2.0  # rays that passed the column itself
@@ -149,7 +147,7 @@ class Arrivals:
             (n,) which of them are more than `FEET_M` and noise over known ground: around a column they are
             its own, whatever is beside them.
         isolated
-            (n,) which of them have few others around them. Fewer than `SEVERAL` are no arrival.
+            (n,) which of them have few others around them. Alone they are no arrival.
         origin, origins_enu_m
             (n,) the scan of each return, and (k, 3) the sensor's position in each scan, likewise; NaN where
             its rays prove nothing, such as a radar's.
@@ -163,11 +161,10 @@ class Arrivals:
         raised[up] = self._within_reach(self._cells_of(points_enu_m[up]), here)
         near = self._within_reach(self._held.cells, here)
         self._held, afar = self._held.some(near), self._held.some(~near)
-        together = raised & (~isolated | _several(points_enu_m, raised & isolated))
-        self._add(points_enu_m, together, origin, origins, now_s)
+        self._add(points_enu_m, raised & ~isolated, origin, origins, now_s)
         beside = self._beside(points_enu_m, self._around, SAME_M)
         raised = raised & (~isolated | beside)
-        self._add(points_enu_m, raised & ~together, origin, origins, now_s)
+        self._add(points_enu_m, raised & isolated, origin, origins, now_s)
         beside = self._beside(points_enu_m, self._around, SAME_M)
         below = self._beside(points_enu_m, 1, math.inf) & ~isolated
         apart = raised | (over & beside) | below
@@ -294,17 +291,6 @@ class Arrivals:
         own = records[:, SINCE] >= OWN
         # The first one began the count.
         return own & _proves_empty(returned - 1, before, since) & _proves_empty(scans[0] - 1, *scans[1:])
-
-
-def _several(points: Points, which: Flags) -> Flags:
-    """Return which of some points (n, 3) have as many others around them as make an object."""
-    out, at = np.zeros(len(points), bool), np.flatnonzero(which)
-    if len(at) >= SEVERAL:
-        around = cKDTree(points[at] * (1.0, 1.0, AROUND_M / SAME_M)).query_ball_point(
-            points[at] * (1.0, 1.0, AROUND_M / SAME_M), AROUND_M, return_length=True
-        )
-        out[at] = around >= SEVERAL
-    return out
 
 
 def _proves_empty(returned: Points, before: Points, since: Points) -> Flags:

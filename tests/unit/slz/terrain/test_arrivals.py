@@ -120,7 +120,7 @@ def test_who_walks_by_gives_each_place_back_behind_him() -> None:
     rng, pipe = np.random.default_rng(1), pipeline()
     shares = []
     for second in range(8):
-        pipe.process(window(second, rng, walker, n=60_000))
+        pipe.process(window(second, rng, walker, n=100_000))
         shares.append(safe_share(pipe, 2.0, 1.0, 0.7))
     assert shares[4:6] == [0.0] * 2
     assert shares[7] == 1.0
