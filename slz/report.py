@@ -30,9 +30,10 @@ class Report:
     of the window, and the mode, resolution and window length chosen from them. n_points: returns of the
     window. n_used: returns in range of the near map. n_without_tile, n_evicted: points without a tile in the
     memory budget, and tiles evicted. far_is_active: the far map is the one to land by. stage_ms: processing
-    time by stage. nearby: heights around the vehicle, None where its position is unknown. prior: zones on
-    ground surveyed before the flight, None without a survey: to fly to and inspect, and never to land in
-    before the other maps confirm them. wires: power lines and cables known now.
+    time by stage; of one that runs beside others, what is left of it after them. nearby: heights around the
+    vehicle, None where its position is unknown. prior: zones on ground surveyed before the flight, None
+    without a survey: to fly to and inspect, and never to land in before the other maps confirm them. wires:
+    power lines and cables known now.
     """
 
     stamp_ns: int
