@@ -284,6 +284,16 @@ class Parameters(BaseModel):
             "Greatest drift in height from one window to the next that the map follows; 0 follows none.",
         ),
     ] = 0.5
+    odometry: Annotated[
+        Literal["off", "map", "autopilot"],
+        Spec(
+            "SLZ_ODOMETRY",
+            "",
+            OURS,
+            "Where the LiDAR's position relative to the map is used: nowhere, for map and landing, or sent to "
+            "the autopilot too.",
+        ),
+    ] = "off"
     hold_s: Annotated[
         float,
         _in(0.5, 600),
