@@ -290,8 +290,7 @@ class Parameters(BaseModel):
             "SLZ_ODOMETRY",
             "",
             OURS,
-            "Where the LiDAR's position relative to the map is used: nowhere, for map and landing, or sent to "
-            "the autopilot too.",
+            "Use of the position that the LiDAR finds: none, for map and landing, or also by the autopilot.",
         ),
     ] = "off"
     hold_s: Annotated[

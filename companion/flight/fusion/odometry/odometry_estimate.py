@@ -1,4 +1,4 @@
-"""Estimate of the LiDAR odometry: where the vehicle is relative to the map, how surely, and along which axes."""
+"""Estimate of the LiDAR odometry: the pose relative to the map, its covariance and its observed axes."""
 
 from __future__ import annotations
 
