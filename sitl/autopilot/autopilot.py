@@ -81,7 +81,7 @@ class Autopilot:
         self.truth_source: Callable[[], State] | None = None
         self.precland = PrecisionLanding()
         self.proximity = Proximity()
-        self.aiding = PositionAiding()
+        self.aiding = PositionAiding(self.parameters)
         self.receiver = RadioReceiver()
         self.wind = WindEstimator()
         self.navigator = Navigator(self.parameters, self.precland)
@@ -236,6 +236,8 @@ class Autopilot:
             return f"Arm: {self.mode.name} mode not armable"
         if self.parameters["PRX1_TYPE"] == 2 and not self.proximity.fresh(self._now_ns):
             return "Arm: PRX1: No Data"
+        if self.aiding.external.enabled and not self.aiding.external.is_healthy(self._now_ns):
+            return "Arm: VisOdom: not healthy"
         if self.estimate is not None:
             self.navigator.home_enu_m = self.estimate.pos_enu_m.copy()
             self._velocity.reset(np.zeros(3))
@@ -279,6 +281,7 @@ class Autopilot:
         self.proximity = Proximity()
         self.failsafes = Failsafes(self)
         self.rangefinder = None
+        self.aiding.restart()
         self.wind.restart()
         self.telemetry.restart()
         self._outgoing.clear()
@@ -307,6 +310,7 @@ class Autopilot:
         self._now_ns = now_ns
         first = self.estimate is None
         self.estimate, self._estimate_ns = estimate, now_ns
+        self.aiding.remember(now_ns, estimate)
         if first:
             self.navigator.home_enu_m = estimate.pos_enu_m.copy()
             self.navigator.enter(self.mode, estimate)

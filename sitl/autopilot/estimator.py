@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from sitl.autopilot.position_aiding import PositionAiding
 from sitl.compilation import kernel_for_any_types
-from sitl.vehicle.rigid_body import State, multiply
+from sitl.vehicle.rigid_body import State, from_euler, multiply
 
 F64 = NDArray[np.float64]
 SMOOTHING_S = 2.0
@@ -96,6 +96,8 @@ class Estimator:
         aiding.update(dt_s)
         turn = np.array([1.0, off[6] / 2, off[7] / 2, off[8] / 2])
         turn /= np.sqrt(float(turn @ turn))
+        if aiding.heading_error_rad:
+            turn = multiply(from_euler(0.0, 0.0, aiding.heading_error_rad), turn)
         return State(
             pos_enu_m=state.pos_enu_m + off[0:3] + self.jump_enu_m + aiding.offset_enu_m,
             vel_enu_ms=state.vel_enu_ms + off[3:6] + aiding.velocity_error_enu_ms,

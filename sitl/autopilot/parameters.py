@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import math
 
+from sitl.autopilot.aiding import external_navigation, source_sets
+
 DEFAULTS: dict[str, float] = {
+    **source_sets.DEFAULTS,
+    **external_navigation.DEFAULTS,
     "SYSID_MYGCS": 255,
     "SYSID_THISMAV": 1,
     "ARMING_CHECK": 1,
@@ -65,6 +69,7 @@ DEFAULTS: dict[str, float] = {
 }
 
 _LIMITS: dict[str, tuple[float, float]] = {
+    **external_navigation.LIMITS,
     "SYSID_MYGCS": (1, 255),
     "SYSID_THISMAV": (1, 255),
     "AVOID_ENABLE": (0, 7),

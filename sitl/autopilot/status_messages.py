@@ -108,7 +108,7 @@ class StatusMessages:
             return mavlink.MAVLink_gps_raw_int_message(
                 ap.estimate_boot_ns // 1000, fix, *self._fixed, 70, 110, 0, 0, SATELLITES_WITHOUT_FIX
             )
-        lat, lon, alt = ap.lla(estimate.pos_enu_m)
+        lat, lon, alt = ap.lla(ap.aiding.gps_position(estimate))
         self._fixed = round(lat * 1e7), round(lon * 1e7), round(alt * 1000)
         east, north = (float(v) for v in estimate.vel_enu_ms[:2])
         course = round(math.degrees(math.atan2(east, north)) * 100) % 36000
@@ -121,8 +121,9 @@ class StatusMessages:
     def _ekf_status(self) -> Any:
         aiding = self._ap.aiding
         flags = aiding.flags if self._ap.settled else UNAIDED
-        level = aiding.test_ratio
-        return mavlink.MAVLink_ekf_status_report_message(flags, level, level, TEST_RATIO, TEST_RATIO, 0.0)
+        return mavlink.MAVLink_ekf_status_report_message(
+            flags, aiding.test_ratio, aiding.position_test_ratio, TEST_RATIO, TEST_RATIO, 0.0
+        )
 
     def _rc_channels(self) -> Any:
         ap = self._ap
