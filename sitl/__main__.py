@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from sitl import intruders, scenes
+from sitl import faults, intruders, scenes
 from sitl.attached import attach
 from sitl.lockstep import LockstepServer
 from sitl.pace import Pace
@@ -192,6 +192,15 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         help="what comes to the landing below a height: " + ", ".join(intruders.KINDS),
     )
     parser.add_argument(
+        "--fault",
+        default="none",
+        metavar="none|NAME[=SIZE]@HEIGHT,...",
+        help="faults that begin below a height in the descent: "
+        + ", ".join(faults.AT_HEIGHT)
+        + "; with a size: "
+        + ", ".join(faults.SIZED),
+    )
+    parser.add_argument(
         "--duration", type=float, default=None, help="simulated seconds; with --autopilot real ones"
     )
     parser.add_argument(
@@ -245,6 +254,7 @@ def _check_rate(rate: float, lidar: str) -> None:
 
 def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | None]:
     coming = intruders.read(options.intruder, options.seed)
+    breaking = faults.read(options.fault, options.seed)
     simulation = Simulation.build(
         options.scene,
         mavlink=options.mavlink or DEFAULT_MAVLINK,
@@ -262,6 +272,7 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         radar_to=None if options.radar_to is None else _address(options.radar_to, "--radar-to"),
     )
     simulation.intruders = coming
+    simulation.every_tick.extend(breaking)
     if options.air != "clear" and simulation.lidar is not None:
         simulation.fill_air(options.air)
     simulation.rotor = Rotor(options.rotor_diameter / 2, options.rotor_height)

@@ -157,7 +157,8 @@ class PositionAiding:
         self._heading.update(dt_s, self.sources.heading, self.compass_error_rad)
         if self.external.enabled:
             self._take_poses()
-        if self._steady and not self.gnss.is_faulty:
+        self._steady = self._steady and not self.gnss.is_faulty
+        if self._steady:
             return
         self._since_s += dt_s
         if source is Source.EXTERNAL:
@@ -225,7 +226,7 @@ class PositionAiding:
             return
         aligns = self._aligns and self._source is not Source.EXTERNAL
         here = self._past[-1][1] + self.offset_enu_m if aligns else None
-        for pose in self.external.take(here):
+        for pose in self.external.drain(here):
             if self._source is Source.EXTERNAL:
                 self._fuse(pose)
             self._fuse_heading(pose)

@@ -65,7 +65,7 @@ class ExternalPose:
 
 
 class ExternalNavigation:
-    """Receiver of external poses; `take` hands them to the filter.
+    """Receiver of external poses; `drain` hands them to the filter.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ class ExternalNavigation:
         yaw = float(message.yaw) if math.isfinite(message.yaw) else None
         self._add(message, message.usec, message.covariance, now_ns, None, yaw, quality=0)
 
-    def take(self, filter_enu_m: F64 | None) -> list[ExternalPose]:
+    def drain(self, filter_enu_m: F64 | None) -> list[ExternalPose]:
         """Return the poses since the last call, aligned to the filter's position if one is given."""
         poses, self._poses = self._poses, []
         if filter_enu_m is not None and poses:

@@ -26,14 +26,14 @@ def receiver(**parameters: float) -> ExternalNavigation:
 def test_a_pose_is_read_as_north_east_down_with_its_heading_and_speed() -> None:
     external = receiver()
     external.on_odometry(odometry(PLACE, 1_000, yaw_rad=math.pi / 2, velocity=(2.0, 0.5, 0.25)), NOW_NS)
-    (pose,) = external.take(None)
+    (pose,) = external.drain(None)
     np.testing.assert_allclose(pose.position_enu_m, PLACE)
     assert pose.yaw_rad == pytest.approx(math.pi / 2)
     assert pose.velocity_enu_ms is not None
     np.testing.assert_allclose(pose.velocity_enu_ms, (2.0, -0.5, -0.25), atol=1e-6)
     assert (pose.error_m, pose.yaw_error_rad) == (0.2, 0.2)
     assert external.is_healthy(NOW_NS)
-    assert external.take(None) == []
+    assert external.drain(None) == []
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_a_pose_is_read_as_north_east_down_with_its_heading_and_speed() -> None:
 def test_other_frames_are_dropped_and_do_not_count_as_alive(frames: tuple[int, int]) -> None:
     external = receiver()
     external.on_odometry(odometry(PLACE, 1_000, frames=frames), NOW_NS)
-    assert external.take(None) == []
+    assert external.drain(None) == []
     assert external.refused == 1
     assert not external.is_healthy(NOW_NS)
 
@@ -57,7 +57,7 @@ def test_other_frames_are_dropped_and_do_not_count_as_alive(frames: tuple[int, i
 def test_by_default_nothing_is_taken() -> None:
     external = ExternalNavigation(DEFAULTS)
     external.on_odometry(odometry(PLACE, 1_000), NOW_NS)
-    assert external.take(None) == []
+    assert external.drain(None) == []
     assert not external.enabled
 
 
@@ -73,29 +73,29 @@ def test_a_type_set_in_flight_counts_after_a_restart() -> None:
 def test_a_bad_quality_is_alive_but_not_taken() -> None:
     external = receiver(VISO_QUAL_MIN=50.0)
     external.on_odometry(odometry(PLACE, 1_000, quality=49), NOW_NS)
-    assert external.take(None) == []
+    assert external.drain(None) == []
     assert external.is_healthy(NOW_NS)
     external.on_odometry(odometry(PLACE, 101_000, quality=50), NOW_NS + 100_000_000)
-    assert len(external.take(None)) == 1
+    assert len(external.drain(None)) == 1
 
 
 def test_failed_odometry_is_not_taken_by_default() -> None:
     external = receiver()
     external.on_odometry(odometry(PLACE, 1_000, quality=-1), NOW_NS)
-    assert external.take(None) == []
+    assert external.drain(None) == []
 
 
 def test_not_a_number_is_not_taken() -> None:
     external = receiver()
     external.on_odometry(odometry(np.array([1.0, math.nan, 2.0]), 1_000), NOW_NS)
-    assert external.take(None) == []
+    assert external.drain(None) == []
 
 
 def test_more_than_fifty_a_second_are_thinned() -> None:
     external = receiver()
     for number in range(100):
         external.on_odometry(odometry(PLACE, 1_000 + number * 10_000), NOW_NS + number * 10_000_000)
-    assert len(external.take(None)) == 50
+    assert len(external.drain(None)) == 50
 
 
 def test_the_delay_is_subtracted_and_the_covariance_counts_above_the_least_noise() -> None:
@@ -103,7 +103,7 @@ def test_the_delay_is_subtracted_and_the_covariance_counts_above_the_least_noise
     message = odometry(PLACE, 1_000)
     message.pose_covariance = [0.3, 0, 0, 0, 0, 0, 0.3, 0, 0, 0, 0, 0.4] + [0.0] * 9
     external.on_odometry(message, NOW_NS)
-    (pose,) = external.take(None)
+    (pose,) = external.drain(None)
     assert pose.stamp_ns == NOW_NS - 60_000_000
     assert pose.error_m == pytest.approx(1.0)
     assert pose.yaw_error_rad == pytest.approx(0.2)
@@ -114,15 +114,15 @@ def test_a_new_reset_counter_marks_one_pose() -> None:
     for number, resets in enumerate((0, 0, 1, 1)):
         stamp_us = 1_000 + number * 100_000
         external.on_odometry(odometry(PLACE, stamp_us, resets=resets), NOW_NS + stamp_us * 1000)
-    assert [pose.is_reset for pose in external.take(None)] == [False, False, True, False]
+    assert [pose.is_reset for pose in external.drain(None)] == [False, False, True, False]
 
 
 def test_unused_poses_are_aligned_level_to_the_filter() -> None:
     external = receiver()
     external.on_odometry(odometry(PLACE, 1_000), NOW_NS)
-    external.take(np.array([10.0, 20.0, 30.0]))
+    external.drain(np.array([10.0, 20.0, 30.0]))
     external.on_odometry(odometry(PLACE, 101_000), NOW_NS + 100_000_000)
-    (pose,) = external.take(None)
+    (pose,) = external.drain(None)
     np.testing.assert_allclose(pose.position_enu_m, (10.0, 20.0, 5.0))
 
 
@@ -132,7 +132,7 @@ def test_a_vision_position_has_no_frame_and_no_quality() -> None:
         mavlink.MAVLink_vision_position_estimate_message(1_000, 4.0, 3.0, -5.0, 0.0, 0.0, 0.5, UNKNOWN, 0),
         NOW_NS,
     )
-    (pose,) = external.take(None)
+    (pose,) = external.drain(None)
     np.testing.assert_allclose(pose.position_enu_m, PLACE)
     assert pose.yaw_rad == pytest.approx(0.5)
     assert pose.velocity_enu_ms is None
