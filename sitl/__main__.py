@@ -12,6 +12,7 @@ from pathlib import Path
 
 from sitl import faults, intruders, scenes
 from sitl.attached import attach
+from sitl.autopilot.estimator import SEVERITIES, EstimateErrors
 from sitl.lockstep import LockstepServer
 from sitl.pace import Pace
 from sitl.sensors import lidars
@@ -201,6 +202,9 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         + ", ".join(faults.SIZED),
     )
     parser.add_argument(
+        "--drift", default="none", choices=tuple(SEVERITIES), help="random walk of the position estimate"
+    )
+    parser.add_argument(
         "--duration", type=float, default=None, help="simulated seconds; with --autopilot real ones"
     )
     parser.add_argument(
@@ -264,6 +268,7 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         lidar_to=_lidar_to(options),
         point_rate_hz=round(options.point_rate),
         lidar_dual=options.dual,
+        errors=EstimateErrors.of_severity(options.drift),
         wind_ms=options.wind,
         wind_from_deg=options.wind_from,
         gust_ms=options.gust,

@@ -20,7 +20,7 @@ from sitl.truth import gear_options, truth
 IDLE_S = 0.002
 # Options of the whole vehicle; the followed autopilot has its own.
 FOREIGN = (
-    *("mavlink", "mavlink_key", "lockstep", "speedup", "pilot", "takeoff_alt", "intruder", "fault"),
+    *("mavlink", "mavlink_key", "lockstep", "speedup", "pilot", "takeoff_alt", "intruder", "fault", "drift"),
     *("wind", "wind_from", "gust"),
 )
 FLAT_ENOUGH = 0.98
