@@ -16,6 +16,7 @@ from sitl.autopilot.estimator import SEVERITIES, EstimateErrors
 from sitl.lockstep import LockstepServer
 from sitl.pace import Pace
 from sitl.sensors import lidars
+from sitl.sensors.imu.inertial_port import PORTS as IMU_PORTS
 from sitl.sensors.lidar_port import Address
 from sitl.sensors.particles import AIR
 from sitl.signals import Ended, Signals
@@ -155,6 +156,13 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         "--radar-to", default=None, metavar="HOST:PORT", help="an interferometric radar beside the LiDAR"
     )
     parser.add_argument(
+        "--imu-to",
+        default=None,
+        metavar="HOST:PORT",
+        help="send the packets of the IMU inside the LiDAR too; real ones go to port "
+        + ", ".join(f"{port} ({name})" for name, port in IMU_PORTS.items()),
+    )
+    parser.add_argument(
         "--lidar-metadata", type=Path, default=None, metavar="FILE.json", help="write the Ouster's metadata"
     )
     parser.add_argument(
@@ -274,6 +282,7 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         gust_ms=options.gust,
         pilot_height_m=options.takeoff_alt if options.pilot == "takeoff" else None,
         mavlink_key=None if options.mavlink_key is None else read_key(options.mavlink_key),
+        imu_to=None if options.imu_to is None else _address(options.imu_to, "--imu-to"),
         radar_to=None if options.radar_to is None else _address(options.radar_to, "--radar-to"),
     )
     simulation.intruders = coming

@@ -20,8 +20,8 @@ from sitl.truth import gear_options, truth
 IDLE_S = 0.002
 # Options of the whole vehicle; the followed autopilot has its own.
 FOREIGN = (
-    *("mavlink", "mavlink_key", "lockstep", "speedup", "pilot", "takeoff_alt", "intruder", "fault", "drift"),
-    *("wind", "wind_from", "gust"),
+    *("mavlink", "mavlink_key", "lockstep", "speedup", "pilot", "takeoff_alt", "intruder"),
+    *("fault", "drift", "imu_to", "wind", "wind_from", "gust"),
 )
 FLAT_ENOUGH = 0.98
 
