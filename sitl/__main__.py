@@ -13,6 +13,7 @@ from pathlib import Path
 from sitl import faults, intruders, scenes
 from sitl.attached import attach
 from sitl.autopilot.estimator import SEVERITIES, EstimateErrors
+from sitl.autopilot.parameters import in_range, with_defaults
 from sitl.lockstep import LockstepServer
 from sitl.pace import Pace
 from sitl.sensors import lidars
@@ -210,6 +211,13 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         + ", ".join(faults.SIZED),
     )
     parser.add_argument(
+        "--param",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="parameter of the autopilot, repeatable; EKF2_EN=1 gives it PX4's filter",
+    )
+    parser.add_argument(
         "--drift", default="none", choices=tuple(SEVERITIES), help="random walk of the position estimate"
     )
     parser.add_argument(
@@ -276,6 +284,7 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         lidar_to=_lidar_to(options),
         point_rate_hz=round(options.point_rate),
         lidar_dual=options.dual,
+        parameters=_parameters(options.param),
         errors=EstimateErrors.of_severity(options.drift),
         wind_ms=options.wind,
         wind_from_deg=options.wind_from,
@@ -308,6 +317,21 @@ def _origin(text: str | None) -> tuple[float, float, float]:
     if not (abs(lat) <= 90 and abs(lon) <= 180 and -1000 < alt < 10_000):
         raise ValueError(f"--origin {text!r} is not on the Earth")
     return lat, lon, alt
+
+
+def _parameters(texts: list[str]) -> dict[str, float]:
+    given = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        try:
+            given[name] = float(value)
+        except ValueError:
+            raise ValueError(f"--param {text!r}: write NAME=VALUE") from None
+    known = with_defaults({"EKF2_EN": given.get("EKF2_EN", 0.0)})
+    for name, number in given.items():
+        if name not in known or not in_range(name, number):
+            raise ValueError(f"--param {name}={number:g}: the autopilot has no such parameter or value")
+    return given
 
 
 def _lidar_to(options: argparse.Namespace) -> Address | None:

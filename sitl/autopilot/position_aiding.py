@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +59,23 @@ UNAIDED: int = TIMED_OUT | mavlink.EKF_VELOCITY_HORIZ | mavlink.EKF_CONST_POS_MO
 LEVEL: F64 = np.array([1.0, 1.0, 0.0])
 
 
+class ExternalReceiver(Protocol):
+    """Interface of a receiver of external poses, see `ExternalNavigation`."""
+
+    @property
+    def enabled(self) -> bool: ...
+
+    def restart(self) -> None: ...
+
+    def is_healthy(self, now_ns: int) -> bool: ...
+
+    def on_odometry(self, message: Any, now_ns: int) -> None: ...
+
+    def on_vision_position(self, message: Any, now_ns: int) -> None: ...
+
+    def drain(self, filter_enu_m: F64 | None) -> list[ExternalPose]: ...
+
+
 class PositionAiding:
     """Horizontal and heading error of the estimate by its sources, and the reports of EKF and receiver.
 
@@ -90,7 +108,7 @@ class PositionAiding:
         known = SOURCE_DEFAULTS | EXTERNAL_DEFAULTS if parameters is None else parameters
         self.gnss = GnssReceiver()
         self.sources = SourceSets(known)
-        self.external = ExternalNavigation(known)
+        self.external: ExternalReceiver = ExternalNavigation(known)
         self._heading = HeadingAiding()
         self.compass_error_rad = 0.0
         self.absolute = True
@@ -202,7 +220,7 @@ class PositionAiding:
 
     def _follow_gps(self, dt_s: float, wrong_enu_m: F64) -> None:
         apart = wrong_enu_m - self.offset_enu_m
-        self._ratio = _gate_share(apart, GPS_ERROR_M)
+        self._ratio = gate_share(apart, GPS_ERROR_M)
         if self._ratio >= 1.0:
             self._rejected_s += dt_s
             self.velocity_error_enu_ms = np.zeros(3)
@@ -246,7 +264,7 @@ class PositionAiding:
 
     def _fuse(self, pose: ExternalPose) -> None:
         apart = (pose.position_enu_m - self._remembered(pose.stamp_ns)[0]) * LEVEL
-        self._ratio = _gate_share(apart, pose.error_m)
+        self._ratio = gate_share(apart, pose.error_m)
         if self._switched or pose.is_reset or not self.absolute:
             if not self.absolute:
                 self.velocity_error_enu_ms = np.zeros(3)
@@ -356,7 +374,7 @@ class HeadingAiding:
         self._switched = False
 
 
-def _gate_share(apart_enu_m: F64, error_m: float) -> float:
+def gate_share(apart_enu_m: F64, error_m: float) -> float:
     """Return the distance of a position from the estimate as a share of the greatest that is followed."""
     gate_m = GATE_SIGMA * math.sqrt(2.0 * (error_m**2 + OWN_ERROR_M**2))
     return float(np.hypot(apart_enu_m[0], apart_enu_m[1])) / gate_m

@@ -8,6 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.autopilot.aiding.ekf2_aiding import INVALID
 from sitl.autopilot.autopilot_view import AutopilotView
 from sitl.autopilot.failsafe import Failsafes
 from sitl.autopilot.modes import Mode
@@ -41,6 +42,9 @@ class StatusMessages:
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
             mavlink.MAVLINK_MSG_ID_FENCE_STATUS: self._fence_status,
         }
+        if autopilot.has_ekf2:
+            del self.makers[mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT]
+            self.makers[mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS] = self._estimator_status
 
     def _heartbeat(self) -> Any:
         ap = self._ap
@@ -124,6 +128,13 @@ class StatusMessages:
         return mavlink.MAVLink_ekf_status_report_message(
             flags, aiding.test_ratio, aiding.position_test_ratio, TEST_RATIO, TEST_RATIO, 0.0
         )
+
+    def _estimator_status(self) -> Any:
+        aiding, boot_us = self._ap.aiding, self._ap.estimate_boot_ns // 1000
+        flags = aiding.flags if self._ap.settled else INVALID
+        ratio = aiding.position_test_ratio
+        others = (TEST_RATIO,) * 4
+        return mavlink.MAVLink_estimator_status_message(boot_us, flags, TEST_RATIO, ratio, *others, 0.5, 0.5)
 
     def _rc_channels(self) -> Any:
         ap = self._ap

@@ -80,13 +80,18 @@ class ExternalNavigation:
 
     def restart(self) -> None:
         """Start anew: VISO_TYPE is read, and the alignment to the filter is lost."""
-        self.enabled = int(self._parameters["VISO_TYPE"]) == FROM_MAVLINK
+        self._enabled = int(self._parameters["VISO_TYPE"]) == FROM_MAVLINK
         self._alignment_enu_m: F64 = np.zeros(3)
         self._heard_ns: int | None = None
         self._written_ns: int | None = None
         self._resets = 0
         self._jitter = JitterCorrection()
         self._poses: list[ExternalPose] = []
+
+    @property
+    def enabled(self) -> bool:
+        """Whether VISO_TYPE was MAVLink at the start."""
+        return self._enabled
 
     def is_healthy(self, now_ns: int) -> bool:
         """Return whether a pose arrived within the last 0.3 s, whatever its quality."""
@@ -134,7 +139,7 @@ class ExternalNavigation:
         yaw_rad: float | None,
         quality: int,
     ) -> None:
-        if not self.enabled:
+        if not self._enabled:
             return
         p = self._parameters
         stamp_ns = self._jitter.local_ns(int(stamp_us) * 1000, now_ns)

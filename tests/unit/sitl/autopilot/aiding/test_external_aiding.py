@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,47 +13,10 @@ from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.estimator import EstimateErrors, Estimator
 from sitl.autopilot.modes import Mode
 from sitl.autopilot.position_aiding import AIDED, TIMED_OUT, UNAIDED
-from sitl.vehicle.rigid_body import to_euler
-from tests.unit.sitl.autopilot.aiding.external_poses import EXTERNAL, odometry
+from tests.unit.sitl.autopilot.aiding.external_poses import EXTERNAL, Lidar, error_m, heading_error_deg, run
 from tests.unit.sitl.bench_flight import ORIGIN, TICK_NS, Bench
 
 F64 = NDArray[np.float64]
-
-
-@dataclass
-class Lidar:
-    """A companion that sends ten poses a second, each some time after its measurement."""
-
-    bench: Bench
-    late_s: float = 0.0
-    error_enu_m: F64 = field(default_factory=lambda: np.zeros(3))
-    turn_rad: float = 0.0
-    quality: int = 90
-    resets: int = 0
-    is_on: bool = True
-    past: list[Any] = field(default_factory=list)
-
-    def __call__(self) -> None:
-        self.past.append((self.bench.now_ns, self.bench.truth))
-        old = round(self.late_s / 0.1) + 1
-        if not self.is_on or len(self.past) < old:
-            return
-        stamp_ns, truth = self.past[-old]
-        yaw = to_euler(truth.quat_wxyz)[2] + self.turn_rad
-        ahead, north, east = np.zeros(3), float(truth.vel_enu_ms[1]), float(truth.vel_enu_ms[0])
-        ahead[0] = north * math.cos(yaw) + east * math.sin(yaw)
-        ahead[1] = east * math.cos(yaw) - north * math.sin(yaw)
-        place = truth.pos_enu_m + self.error_enu_m
-        self.bench.tell(
-            odometry(
-                place,
-                stamp_ns // 1000,
-                yaw_rad=yaw,
-                quality=self.quality,
-                resets=self.resets,
-                velocity=tuple(ahead),
-            )
-        )
 
 
 def hovering(**parameters: float) -> tuple[Bench, Lidar]:
@@ -73,15 +34,6 @@ def hovering(**parameters: float) -> tuple[Bench, Lidar]:
 
 def use_set(bench: Bench, number: int) -> int:
     return bench.command(mavlink.MAV_CMD_SET_EKF_SOURCE_SET, number)
-
-
-def error_m(bench: Bench) -> F64:
-    assert bench.autopilot.estimate is not None
-    return np.asarray((bench.autopilot.estimate.pos_enu_m - bench.truth.pos_enu_m)[:2])
-
-
-def run(bench: Bench, lidar: Lidar, seconds: float) -> None:
-    bench.run(seconds, lidar, every_s=0.1)
 
 
 def largest_jump_m(bench: Bench, lidar: Lidar, seconds: float) -> float:
@@ -253,12 +205,6 @@ def test_a_heading_of_the_compass_ignores_the_poses() -> None:
     lidar.turn_rad = math.radians(8.0)
     run(bench, lidar, 5.0)
     assert heading_error_deg(bench) == pytest.approx(0.0, abs=0.1)
-
-
-def heading_error_deg(bench: Bench) -> float:
-    assert bench.autopilot.estimate is not None
-    headings = (to_euler(state.quat_wxyz)[2] for state in (bench.autopilot.estimate, bench.truth))
-    return math.degrees(math.remainder(next(headings) - next(headings), 2 * math.pi))
 
 
 def test_a_reboot_returns_to_the_first_set() -> None:
