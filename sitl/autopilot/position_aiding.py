@@ -149,7 +149,7 @@ class PositionAiding:
 
     def restart(self) -> None:
         """Apply a restart of the autopilot to sources and external navigation."""
-        self.sources.active = 1
+        self.sources.restart()
         self.external.restart()
 
     # ---- filter -------------------------------------------------------------------------------------

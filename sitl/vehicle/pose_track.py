@@ -27,7 +27,8 @@ class PoseTrack:
     positions: list[F64] = field(default_factory=list)
     quats: list[F64] = field(default_factory=list)
     velocities: list[F64] = field(default_factory=list)
-    _last_rate: F64 = field(default_factory=lambda: np.zeros(3))
+    _rate_before: F64 = field(default_factory=lambda: np.zeros(3))
+    _rate_at_end: F64 = field(default_factory=lambda: np.zeros(3))
 
     def add(self, stamp_ns: int, position: F64, quat: F64, velocity: F64 | None = None) -> None:
         """Add a tick; the velocity ENU (m/s) is needed for `felt` only."""
@@ -37,8 +38,7 @@ class PoseTrack:
         self.velocities.append(np.zeros(3) if velocity is None else velocity)
 
     def keep_last(self) -> None:
-        if len(self.stamps) > 1:
-            self._last_rate = self._rates()[-1]
+        self._rate_before = self._rate_at_end
         for values in (self.stamps, self.positions, self.quats, self.velocities):
             del values[:-1]
 
@@ -61,7 +61,8 @@ class PoseTrack:
             return np.zeros((len(stamps_ns), 3)), np.zeros((len(stamps_ns), 3))
         dt_s = np.diff(np.array(self.stamps, np.float64))[:, None] * 1e-9
         rates = self._rates()
-        turning = np.diff(np.vstack([self._last_rate, rates]), axis=0) / dt_s
+        self._rate_at_end = rates[-1]
+        turning = np.diff(np.vstack([self._rate_before, rates]), axis=0) / dt_s
         arm = np.broadcast_to(place_frd_m, rates.shape)
         lever = np.cross(turning, arm) + np.cross(rates, np.cross(rates, arm))
         pull = np.diff(np.array(self.velocities), axis=0) / dt_s + np.array([0.0, 0.0, gravity_ms2])

@@ -8,6 +8,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 F64 = NDArray[np.float64]
 
+_NONE: F64 = np.zeros(3)
+_NONE.flags.writeable = False
+
 
 class GnssReceiver:
     """State of the receiver, set by faults.
@@ -24,12 +27,14 @@ class GnssReceiver:
 
     def __init__(self) -> None:
         self.has_fix = True
-        self.error_enu_m: F64 = np.zeros(3)
-        self.velocity_error_enu_ms: F64 = np.zeros(3)
+        self.error_enu_m: F64 = _NONE
+        self.velocity_error_enu_ms: F64 = _NONE
 
     @property
     def is_faulty(self) -> bool:
         """Whether its position or velocity is wrong."""
+        if self.error_enu_m is _NONE and self.velocity_error_enu_ms is _NONE:
+            return False  # the case of every tick without a fault
         return bool(self.error_enu_m.any() or self.velocity_error_enu_ms.any())
 
     @property

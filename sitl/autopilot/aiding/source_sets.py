@@ -33,14 +33,19 @@ class SourceSets:
 
     def __init__(self, parameters: dict[str, float]) -> None:
         self._parameters = parameters
-        self.active = 1
+        self.restart()
 
     def select(self, number: float) -> bool:
         """Make a set the active one; return False for a number other than 1 to 3."""
         if int(number) not in range(1, SETS + 1):
             return False
         self.active = int(number)
+        self._names = {axis: f"EK3_SRC{self.active}_{axis}" for axis in ("POSXY", "VELXY", "YAW")}
         return True
+
+    def restart(self) -> None:
+        """Make the first set the active one."""
+        self.select(1)
 
     @property
     def position(self) -> Source:
@@ -64,5 +69,4 @@ class SourceSets:
         return any(int(value) == Source.EXTERNAL for value in values)
 
     def _source(self, axis: str) -> Source:
-        number = int(self._parameters[f"EK3_SRC{self.active}_{axis}"])
-        return _BY_NUMBER.get(number, Source.NONE)
+        return _BY_NUMBER.get(int(self._parameters[self._names[axis]]), Source.NONE)

@@ -161,3 +161,25 @@ def test_a_bias_walks() -> None:
         found = measured(unit, turning(0.0, 4.0))
         ends.append([found.rate_rad_s[-1, 0], found.force_ms2[-1, 0]])
     np.testing.assert_allclose(np.std(ends, axis=0), [2e-3, 2e-2], rtol=0.15)
+
+
+def test_a_turn_that_quickens_is_felt_across_a_lever() -> None:
+    track = PoseTrack()
+    for k in range(201):
+        track.add(
+            k * TICK_NS, np.zeros(3), from_euler(0.0, 0.0, 1.5 * (k * TICK_NS * 1e-9) ** 2), np.zeros(3)
+        )
+    found = measured(true_unit(), track, Mount((0.5, 0.0, 0.0), pitch_deg=0.0))
+    np.testing.assert_allclose(found.force_ms2[1:, 1], -0.5 * 3.0, rtol=1e-3)
+
+
+def test_a_steady_turn_is_steady_across_the_scans() -> None:
+    track, unit, across = PoseTrack(), true_unit(rate_hz=400), []
+    mount = Mount((0.5, 0.0, 0.0), pitch_deg=0.0)
+    for k in range(81):
+        track.add(k * TICK_NS, np.zeros(3), from_euler(0.0, 0.0, 2.0 * k * TICK_NS * 1e-9), np.zeros(3))
+        if k % 8 == 0 and k > 0:
+            found = unit.measure(track.stamps[0], track.stamps[-1], track, mount, Clock(0, 0))
+            across.append(found.force_ms2[:, 1])
+            track.keep_last()
+    np.testing.assert_allclose(np.concatenate(across)[1:], 0.0, atol=1e-6)
