@@ -10,11 +10,14 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from sitl import intruders, scenes
+from sitl import faults, intruders, scenes
 from sitl.attached import attach
+from sitl.autopilot.estimator import SEVERITIES, EstimateErrors
+from sitl.autopilot.parameters import in_range, with_defaults
 from sitl.lockstep import LockstepServer
 from sitl.pace import Pace
 from sitl.sensors import lidars
+from sitl.sensors.imu.inertial_port import PORTS as IMU_PORTS
 from sitl.sensors.lidar_port import Address
 from sitl.sensors.particles import AIR
 from sitl.signals import Ended, Signals
@@ -154,6 +157,13 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         "--radar-to", default=None, metavar="HOST:PORT", help="an interferometric radar beside the LiDAR"
     )
     parser.add_argument(
+        "--imu-to",
+        default=None,
+        metavar="HOST:PORT",
+        help="send the packets of the IMU inside the LiDAR too; real ones go to port "
+        + ", ".join(f"{port} ({name})" for name, port in IMU_PORTS.items()),
+    )
+    parser.add_argument(
         "--lidar-metadata", type=Path, default=None, metavar="FILE.json", help="write the Ouster's metadata"
     )
     parser.add_argument(
@@ -190,6 +200,25 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         default="none",
         metavar="none|KIND@HEIGHT,...",
         help="what comes to the landing below a height: " + ", ".join(intruders.KINDS),
+    )
+    parser.add_argument(
+        "--fault",
+        default="none",
+        metavar="none|NAME[=SIZE]@HEIGHT,...",
+        help="faults that begin below a height in the descent: "
+        + ", ".join(faults.AT_HEIGHT)
+        + "; with a size: "
+        + ", ".join(faults.SIZED),
+    )
+    parser.add_argument(
+        "--param",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="parameter of the autopilot, repeatable; EKF2_EN=1 gives it PX4's filter",
+    )
+    parser.add_argument(
+        "--drift", default="none", choices=tuple(SEVERITIES), help="random walk of the position estimate"
     )
     parser.add_argument(
         "--duration", type=float, default=None, help="simulated seconds; with --autopilot real ones"
@@ -245,6 +274,7 @@ def _check_rate(rate: float, lidar: str) -> None:
 
 def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | None]:
     coming = intruders.read(options.intruder, options.seed)
+    breaking = faults.read(options.fault, options.seed)
     simulation = Simulation.build(
         options.scene,
         mavlink=options.mavlink or DEFAULT_MAVLINK,
@@ -254,14 +284,18 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         lidar_to=_lidar_to(options),
         point_rate_hz=round(options.point_rate),
         lidar_dual=options.dual,
+        parameters=_parameters(options.param),
+        errors=EstimateErrors.of_severity(options.drift),
         wind_ms=options.wind,
         wind_from_deg=options.wind_from,
         gust_ms=options.gust,
         pilot_height_m=options.takeoff_alt if options.pilot == "takeoff" else None,
         mavlink_key=None if options.mavlink_key is None else read_key(options.mavlink_key),
+        imu_to=None if options.imu_to is None else _address(options.imu_to, "--imu-to"),
         radar_to=None if options.radar_to is None else _address(options.radar_to, "--radar-to"),
     )
     simulation.intruders = coming
+    simulation.every_tick.extend(breaking)
     if options.air != "clear" and simulation.lidar is not None:
         simulation.fill_air(options.air)
     simulation.rotor = Rotor(options.rotor_diameter / 2, options.rotor_height)
@@ -283,6 +317,21 @@ def _origin(text: str | None) -> tuple[float, float, float]:
     if not (abs(lat) <= 90 and abs(lon) <= 180 and -1000 < alt < 10_000):
         raise ValueError(f"--origin {text!r} is not on the Earth")
     return lat, lon, alt
+
+
+def _parameters(texts: list[str]) -> dict[str, float]:
+    given = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        try:
+            given[name] = float(value)
+        except ValueError:
+            raise ValueError(f"--param {text!r}: write NAME=VALUE") from None
+    known = with_defaults({"EKF2_EN": given.get("EKF2_EN", 0.0)})
+    for name, number in given.items():
+        if name not in known or not in_range(name, number):
+            raise ValueError(f"--param {name}={number:g}: the autopilot has no such parameter or value")
+    return given
 
 
 def _lidar_to(options: argparse.Namespace) -> Address | None:

@@ -14,6 +14,7 @@ from sitl.autopilot.pilot import Pilot
 from sitl.intruders import Intruder
 from sitl.scenes import Scene
 from sitl.sensors import lidars
+from sitl.sensors.imu.inertial_port import InertialPort, check_unit
 from sitl.sensors.lidar_port import Address
 from sitl.sensors.optics import Noise, Reach
 from sitl.sensors.pulse_lidar import PulseLidar
@@ -39,7 +40,7 @@ class Simulation:
 
     `advance` first answers all arrived messages, then steps one tick. `every_tick` holds functions called
     after each tick. The LiDAR's packets are sent together every `lidar_ms`, with two returns of a pulse
-    if `lidar_dual`.
+    if `lidar_dual`. Those of the IMU inside the LiDAR are sent with them if `imu_to` is given.
 
     Attributes
     ----------
@@ -76,9 +77,12 @@ class Simulation:
         lidar_ms: int = 10,
         lidar_dual: bool = False,
         radar_to: Address | None = None,
+        imu_to: tuple[str, int] | None = None,
         tick_ns: int = TICK_NS,
     ) -> None:
-        streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(5)]
+        if imu_to is not None:
+            check_unit(lidar)
+        streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)]
         x, y, heading = scene.home_enu
         self.scene = scene
         scene.world.wind_ms = wind_ms
@@ -95,6 +99,11 @@ class Simulation:
             lidars.open_port(lidar, streams[2], point_rate_hz, lidar_to, lidar_dual) if lidar_to else None
         )
         self.lidar_on = True
+        self.imu: InertialPort | None = None
+        if imu_to is not None:
+            sensor = None if self.lidar is None else self.lidar.sensor
+            if isinstance(sensor, PulseLidar):
+                self.imu = InertialPort(lidar, sensor, streams[5], imu_to)
         self.late_s: Callable[[int], float] = lambda now_ns: 0.0
         self.skipped_ns = 0
         self.held_up = False
@@ -146,7 +155,7 @@ class Simulation:
             self.now_ns += self._tick_ns
         self._ticks += 1
         truth = self.vehicle.truth
-        self._track.add(self.now_ns, truth.pos_enu_m, truth.quat_wxyz)
+        self._track.add(self.now_ns, truth.pos_enu_m, truth.quat_wxyz, truth.vel_enu_ms)
         for intruder in self.intruders:
             intruder.on_tick(self)
         if self._ticks % self._lidar_ticks == 0:
@@ -165,7 +174,7 @@ class Simulation:
         dt = self._tick_ns * 1e-9
         truth = self.vehicle.truth
         if not self._track.stamps:
-            self._track.add(self.now_ns, truth.pos_enu_m, truth.quat_wxyz)
+            self._track.add(self.now_ns, truth.pos_enu_m, truth.quat_wxyz, truth.vel_enu_ms)
         estimate = self.estimator.update(dt, truth)
         demand = self.autopilot.update(dt, self.now_ns, estimate, self.vehicle.on_ground)
         self.now_ns += self._tick_ns
@@ -222,6 +231,8 @@ class Simulation:
         for port in (self.lidar if self.lidar_on else None, self.radar):
             if port is not None:
                 port.scan(*span, self._track.at, self.scene.world)
+        if self.imu is not None and self.lidar_on:
+            self.imu.scan(*span, self._track)
         self._track.keep_last()
 
     def _sight(self) -> tuple[Reach, Noise] | None:
@@ -248,6 +259,6 @@ class Simulation:
     def close(self) -> None:
         """Close all sockets and serial lines."""
         self.router.close()
-        for port in (self.lidar, self.radar):
+        for port in (self.lidar, self.radar, self.imu):
             if port is not None:
                 port.close()

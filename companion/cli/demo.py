@@ -23,7 +23,7 @@ def demo(
         typer.Option(
             help="stadium, plain, hill, streets, mountains, dense, dust_out; of water, roofs and plants: "
             "lakes, ponds, river, flooded_field, car_park_dry, car_park_wet, flat_roofs, maize, snowfield; "
-            "of wires and moving crowns: power_line, swaying_trees."
+            "of wires and moving crowns: power_line, swaying_trees; of walls alone: corridor, wall."
         ),
     ] = "stadium",
     sensor: Annotated[

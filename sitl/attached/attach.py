@@ -21,7 +21,7 @@ IDLE_S = 0.002
 # Options of the whole vehicle; the followed autopilot has its own.
 FOREIGN = (
     *("mavlink", "mavlink_key", "lockstep", "speedup", "pilot", "takeoff_alt", "intruder"),
-    *("wind", "wind_from", "gust"),
+    *("fault", "drift", "param", "imu_to", "wind", "wind_from", "gust"),
 )
 FLAT_ENOUGH = 0.98
 

@@ -13,11 +13,12 @@ import pymap3d
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.autopilot.aiding.ekf2_aiding import Ekf2Aiding
 from sitl.autopilot.cascade_control import VelocityLoop, attitude_for, rate_command
 from sitl.autopilot.commands import Commands
 from sitl.autopilot.failsafe import PERIOD_NS, Failsafes
 from sitl.autopilot.modes import NEEDS_POSITION, PILOTED, Mode, Navigator
-from sitl.autopilot.parameters import DEFAULTS
+from sitl.autopilot.parameters import with_defaults
 from sitl.autopilot.position_aiding import PositionAiding
 from sitl.autopilot.precland import PrecisionLanding
 from sitl.autopilot.proximity import Proximity
@@ -70,7 +71,7 @@ class Autopilot:
         ready_after_s: float = 5.0,
     ) -> None:
         self.origin_lla = origin_lla
-        self.parameters = DEFAULTS | (parameters or {})
+        self.parameters = with_defaults(parameters or {})
         self.boot_offset_ns = boot_offset_ns
         self.mode = Mode.STABILIZE
         self.armed = False
@@ -81,7 +82,7 @@ class Autopilot:
         self.truth_source: Callable[[], State] | None = None
         self.precland = PrecisionLanding()
         self.proximity = Proximity()
-        self.aiding = PositionAiding()
+        self.aiding = Ekf2Aiding(self.parameters) if self.has_ekf2 else PositionAiding(self.parameters)
         self.receiver = RadioReceiver()
         self.wind = WindEstimator()
         self.navigator = Navigator(self.parameters, self.precland)
@@ -107,6 +108,11 @@ class Autopilot:
         self._silent_until_ns = 0
 
     # ---- state and messages -----------------------------------------------------------------------
+
+    @property
+    def has_ekf2(self) -> bool:
+        """Whether the filter is PX4's."""
+        return bool(self.parameters.get("EKF2_EN", 0.0))
 
     @property
     def mode_name(self) -> str:
@@ -236,6 +242,8 @@ class Autopilot:
             return f"Arm: {self.mode.name} mode not armable"
         if self.parameters["PRX1_TYPE"] == 2 and not self.proximity.fresh(self._now_ns):
             return "Arm: PRX1: No Data"
+        if self.aiding.external.enabled and not self.aiding.external.is_healthy(self._now_ns):
+            return "Arm: VisOdom: not healthy"
         if self.estimate is not None:
             self.navigator.home_enu_m = self.estimate.pos_enu_m.copy()
             self._velocity.reset(np.zeros(3))
@@ -279,6 +287,7 @@ class Autopilot:
         self.proximity = Proximity()
         self.failsafes = Failsafes(self)
         self.rangefinder = None
+        self.aiding.restart()
         self.wind.restart()
         self.telemetry.restart()
         self._outgoing.clear()
@@ -307,6 +316,7 @@ class Autopilot:
         self._now_ns = now_ns
         first = self.estimate is None
         self.estimate, self._estimate_ns = estimate, now_ns
+        self.aiding.remember(now_ns, estimate)
         if first:
             self.navigator.home_enu_m = estimate.pos_enu_m.copy()
             self.navigator.enter(self.mode, estimate)

@@ -40,6 +40,9 @@ class AutopilotView(Protocol):
     navigator: Navigator
 
     @property
+    def has_ekf2(self) -> bool: ...
+
+    @property
     def now_ns(self) -> int: ...
 
     @property

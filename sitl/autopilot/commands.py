@@ -51,6 +51,7 @@ _NEEDED: dict[int, tuple[int, ...]] = {
     mavlink.MAV_CMD_REQUEST_MESSAGE: (1,),
     mavlink.MAV_CMD_DO_SET_HOME: (1,),
     mavlink.MAV_CMD_CONDITION_YAW: (1, 3, 4),
+    mavlink.MAV_CMD_SET_EKF_SOURCE_SET: (1,),
 }
 HIGHEST_M = 100_000.0
 
@@ -100,6 +101,8 @@ class Commands:
             "DISTANCE_SENSOR": self._distance_sensor,
             "OBSTACLE_DISTANCE": self._obstacle_distance,
             "OBSTACLE_DISTANCE_3D": self._obstacle_distance_3d,
+            "ODOMETRY": self._odometry,
+            "VISION_POSITION_ESTIMATE": self._vision_position,
             "TIMESYNC": self._timesync,
             "HEARTBEAT": self._heartbeat,
             "RC_CHANNELS_OVERRIDE": self._override,
@@ -123,6 +126,7 @@ class Commands:
             mavlink.MAV_CMD_DO_SET_HOME: self._set_home,
             mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._capabilities,
             mavlink.MAV_CMD_CONDITION_YAW: self._condition_yaw,
+            mavlink.MAV_CMD_SET_EKF_SOURCE_SET: self._source_set,
         }
 
     def receive(self, message: Any, link: int) -> None:
@@ -239,6 +243,9 @@ class Commands:
         self._ap.navigator.guided.yaw_rate_rad_s = None
         return ACCEPTED
 
+    def _source_set(self, p: Params, _link: int) -> int:
+        return ACCEPTED if self._ap.aiding.sources.select(p.p[0]) else DENIED
+
     # ---- guided targets -----------------------------------------------------------------------------
 
     def _local_target(self, message: Any, _link: int) -> None:
@@ -317,6 +324,12 @@ class Commands:
 
     def _obstacle_distance_3d(self, message: Any, _link: int) -> None:
         self._ap.proximity.receive_3d(message, self._ap.now_ns)
+
+    def _odometry(self, message: Any, _link: int) -> None:
+        self._ap.aiding.external.on_odometry(message, self._ap.now_ns)
+
+    def _vision_position(self, message: Any, _link: int) -> None:
+        self._ap.aiding.external.on_vision_position(message, self._ap.now_ns)
 
     def _timesync(self, message: Any, link: int) -> None:
         if message.tc1 == 0:

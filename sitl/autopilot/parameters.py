@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import math
 
+from sitl.autopilot.aiding import ekf2_odometry, external_navigation, source_sets
+
 DEFAULTS: dict[str, float] = {
+    **source_sets.DEFAULTS,
+    **external_navigation.DEFAULTS,
     "SYSID_MYGCS": 255,
     "SYSID_THISMAV": 1,
     "ARMING_CHECK": 1,
@@ -65,6 +69,7 @@ DEFAULTS: dict[str, float] = {
 }
 
 _LIMITS: dict[str, tuple[float, float]] = {
+    **external_navigation.LIMITS,
     "SYSID_MYGCS": (1, 255),
     "SYSID_THISMAV": (1, 255),
     "AVOID_ENABLE": (0, 7),
@@ -105,6 +110,12 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "WPNAV_SPEED_UP": (10, 1000),
 }
 _ANY = (0.0, 65_535.0)
+
+
+def with_defaults(parameters: dict[str, float]) -> dict[str, float]:
+    """Return parameters with `DEFAULTS`, and those of PX4's EKF2 if EKF2_EN is set."""
+    ekf2 = ekf2_odometry.DEFAULTS if parameters.get("EKF2_EN") else {}
+    return DEFAULTS | ekf2 | parameters
 
 
 def in_range(name: str, value: float) -> bool:

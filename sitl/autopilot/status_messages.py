@@ -8,6 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.autopilot.aiding.ekf2_aiding import INVALID
 from sitl.autopilot.autopilot_view import AutopilotView
 from sitl.autopilot.failsafe import Failsafes
 from sitl.autopilot.modes import Mode
@@ -41,6 +42,9 @@ class StatusMessages:
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
             mavlink.MAVLINK_MSG_ID_FENCE_STATUS: self._fence_status,
         }
+        if autopilot.has_ekf2:
+            del self.makers[mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT]
+            self.makers[mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS] = self._estimator_status
 
     def _heartbeat(self) -> Any:
         ap = self._ap
@@ -108,7 +112,7 @@ class StatusMessages:
             return mavlink.MAVLink_gps_raw_int_message(
                 ap.estimate_boot_ns // 1000, fix, *self._fixed, 70, 110, 0, 0, SATELLITES_WITHOUT_FIX
             )
-        lat, lon, alt = ap.lla(estimate.pos_enu_m)
+        lat, lon, alt = ap.lla(ap.aiding.gps_position(estimate))
         self._fixed = round(lat * 1e7), round(lon * 1e7), round(alt * 1000)
         east, north = (float(v) for v in estimate.vel_enu_ms[:2])
         course = round(math.degrees(math.atan2(east, north)) * 100) % 36000
@@ -121,8 +125,16 @@ class StatusMessages:
     def _ekf_status(self) -> Any:
         aiding = self._ap.aiding
         flags = aiding.flags if self._ap.settled else UNAIDED
-        level = aiding.test_ratio
-        return mavlink.MAVLink_ekf_status_report_message(flags, level, level, TEST_RATIO, TEST_RATIO, 0.0)
+        return mavlink.MAVLink_ekf_status_report_message(
+            flags, aiding.test_ratio, aiding.position_test_ratio, TEST_RATIO, TEST_RATIO, 0.0
+        )
+
+    def _estimator_status(self) -> Any:
+        aiding, boot_us = self._ap.aiding, self._ap.estimate_boot_ns // 1000
+        flags = aiding.flags if self._ap.settled else INVALID
+        ratio = aiding.position_test_ratio
+        others = (TEST_RATIO,) * 4
+        return mavlink.MAVLink_estimator_status_message(boot_us, flags, TEST_RATIO, ratio, *others, 0.5, 0.5)
 
     def _rc_channels(self) -> Any:
         ap = self._ap

@@ -31,6 +31,7 @@ DEFAULT_MS = {
     ID.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1000,
     ID.MAVLINK_MSG_ID_BATTERY_STATUS: 1000,
     ID.MAVLINK_MSG_ID_EKF_STATUS_REPORT: 500,
+    ID.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 500,
     ID.MAVLINK_MSG_ID_WIND: 1000,
     ID.MAVLINK_MSG_ID_RC_CHANNELS: 500,
     ID.MAVLINK_MSG_ID_FENCE_STATUS: 1000,
@@ -93,7 +94,8 @@ class Telemetry:
     def add_link(self, link: int, now_ns: int) -> None:
         """Start the default streams on a new link."""
         if link not in self._due:
-            self._due[link] = {number: [ms * 1_000_000, now_ns] for number, ms in DEFAULT_MS.items()}
+            made = ((number, ms) for number, ms in DEFAULT_MS.items() if number in self._makers)
+            self._due[link] = {number: [ms * 1_000_000, now_ns] for number, ms in made}
             self._next_ns = 0
 
     def restart(self) -> None:

@@ -1,8 +1,8 @@
 """Fault injection between vehicle, sensors and companion: faults by name, started and ended in flight.
 
 One family per file: `link_faults` (the companion's link), `autopilot_faults`, `stick_fault` (the pilot's
-stick), `failsafe_faults` (triggers of the autopilot's failsafes), `neighbour_faults` (other systems on the
-link), `lidar_faults`, `wind_faults`.
+stick), `gps_faults`, `failsafe_faults` (triggers of the autopilot's failsafes), `neighbour_faults` (other
+systems on the link), `lidar_faults`, `wind_faults`. `BelowHeight` starts one at a height in the descent.
 """
 
 from __future__ import annotations
@@ -14,16 +14,18 @@ import numpy as np
 from sitl.faults import (
     autopilot_faults,
     failsafe_faults,
+    gps_faults,
     lidar_faults,
     link_faults,
     neighbour_faults,
     stick_fault,
     wind_faults,
 )
+from sitl.faults.below_height import BelowHeight
 from sitl.faults.fault import Fault
 from sitl.faults.faulty_wire import FaultyWire
 
-__all__ = ["NAMES", "Fault", "FaultyWire", "build"]
+__all__ = ["AT_HEIGHT", "NAMES", "SIZED", "BelowHeight", "Fault", "FaultyWire", "build", "read"]
 
 _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "link_loss": lambda rng: link_faults.LinkFault(link_faults.Loss()),
@@ -40,6 +42,12 @@ _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "pilot_mode": autopilot_faults.PilotMode,
     "pilot_stick": stick_fault.PilotStick,
     "gps_loss": failsafe_faults.GpsLoss,
+    "gps_denied": gps_faults.GpsDenial,
+    "gps_multipath": gps_faults.GpsMultipath,
+    "gps_slow_drift": gps_faults.GpsSlowDrift,
+    "gps_spoof": gps_faults.GpsSpoof,
+    "gps_takeover": gps_faults.GpsTakeover,
+    "yaw_drift": gps_faults.YawDrift,
     "battery_failsafe": failsafe_faults.BatteryFailsafe,
     "radio_failsafe": lambda rng: failsafe_faults.RadioFailsafe(),
     "fence_breach": failsafe_faults.FenceBreach,
@@ -60,16 +68,59 @@ _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "lidar_snow": lambda rng: lidar_faults.Weather(None, lidar_faults.SNOW),
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
+SIZED: dict[str, Callable[[np.random.Generator, float], Fault]] = {
+    "gps_slow_drift": gps_faults.GpsSlowDrift,
+    "gps_spoof": gps_faults.GpsSpoof,
+    "gps_takeover": gps_faults.GpsTakeover,
+    "yaw_drift": gps_faults.YawDrift,
+}
+"""Faults that take a size: a rate in m/s or degrees per second, a distance in m."""
+AT_HEIGHT: tuple[str, ...] = (
+    *("gps_loss", "gps_denied", "gps_multipath", "gps_slow_drift", "gps_spoof", "gps_takeover", "gps_drift"),
+    *("yaw_drift", "ekf_jump", "estimate_sway", "reboot"),
+    *("battery_failsafe", "radio_failsafe", "fence_breach", "lidar_stop"),
+)
+"""Faults that `read` can start: those that need neither a faulty link nor a pilot."""
 
 
-def build(name: str, rng: np.random.Generator) -> Fault:
+def build(name: str, rng: np.random.Generator, size: float | None = None) -> Fault:
     """Return a fault by its name; its free choices (a direction, an axis) are drawn at random.
+
+    size: of a fault of `SIZED`; None draws it.
 
     Raises
     ------
     ValueError
-        There is no fault of that name.
+        There is no fault of that name, or it takes no size.
     """
     if name not in _BUILDERS:
         raise ValueError(f"fault {name!r} is unknown; choose one of {', '.join(NAMES)}")
-    return _BUILDERS[name](rng)
+    if size is None:
+        return _BUILDERS[name](rng)
+    if name not in SIZED:
+        raise ValueError(f"fault {name!r} takes no size; those that do are {', '.join(SIZED)}")
+    return SIZED[name](rng, size)
+
+
+def read(text: str, seed: int) -> list[BelowHeight]:
+    """Return the faults of a text such as ``gps_denied@5,yaw_drift=0.5@8``, each below a height (m).
+
+    Raises
+    ------
+    ValueError
+        The text is no such list.
+    """
+    out = []
+    for number, part in enumerate(text.split(",") if text != "none" else []):
+        what, _, height = part.partition("@")
+        name, _, size = what.partition("=")
+        try:
+            height_m, sized = float(height), float(size) if size else None
+        except ValueError:
+            raise ValueError(f"fault {part!r}: write NAME@HEIGHT or NAME=SIZE@HEIGHT") from None
+        if name not in AT_HEIGHT:
+            raise ValueError(f"fault {name!r} begins at no height; those that do are {', '.join(AT_HEIGHT)}")
+        if not (0 < height_m < 1000 and (sized is None or -100 < sized < 100)):
+            raise ValueError(f"fault {part!r}: its height or size is out of range")
+        out.append(BelowHeight(build(name, np.random.default_rng([seed, number]), sized), height_m))
+    return out

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sitl.autopilot.aiding.source_sets import Source
 from sitl.autopilot.modes import Mode
 from sitl.faults.fault import Fault
 
@@ -49,7 +50,7 @@ class EstimateJump(Fault):
 
 
 class EstimateDrift(Fault):
-    """Drift of the position estimate at 0.3 m/s, up to 5 m and permanent, like GPS multipath."""
+    """Drift of the position estimate at 0.3 m/s, up to 5 m and permanent, while GPS is its source."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._velocity_enu_ms = _level(rng, DRIFT_MS)
@@ -64,6 +65,8 @@ class EstimateDrift(Fault):
             return
         elapsed_s = min((simulation.now_ns - self._last_ns) * 1e-9, TICK_LIMIT_S)
         self._last_ns = simulation.now_ns
+        if simulation.autopilot.aiding.sources.position is not Source.GPS:
+            return
         self._moved_m += DRIFT_MS * elapsed_s
         estimator = simulation.estimator
         estimator.jump_enu_m = estimator.jump_enu_m + self._velocity_enu_ms * elapsed_s

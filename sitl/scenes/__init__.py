@@ -11,6 +11,7 @@ from sitl.scenes import (
     flat_roofs,
     hill,
     landing_site,
+    long_walls,
     maize,
     mountains,
     plain,
@@ -47,6 +48,8 @@ _BUILDERS = {
     "snowfield": snowfield.build,
     "power_line": power_line.build,
     "swaying_trees": swaying_trees.build,
+    "corridor": long_walls.build_corridor,
+    "wall": long_walls.build_wall,
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
 

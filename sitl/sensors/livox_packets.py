@@ -36,6 +36,7 @@ U8 = NDArray[np.uint8]
 POINTS_PER_PACKET = 96
 HEADER = struct.Struct("<BHHHHBBB12sI")
 _STAMP = struct.Struct("<Q")
+_IMU = struct.Struct("<6f")
 HEADER_BYTES = HEADER.size + _STAMP.size
 
 CARTESIAN_32 = np.dtype([("xyz", "<i4", 3), ("reflectivity", "u1"), ("tag", "u1")])
@@ -106,6 +107,11 @@ def encode_points(
     data["reflectivity"] = reflectivity
     data["tag"] = tag
     return _packet(label, data_type, len(points_m), data.tobytes())
+
+
+def encode_imu(label: Label, rate_rad_s: F64, force_g: F64) -> bytes:
+    """Encode one IMU packet: angular rate (3,) and specific force (3,) in the sensor frame."""
+    return _packet(label, DataType.IMU, 1, _IMU.pack(*rate_rad_s.tolist(), *force_g.tolist()))
 
 
 def _spherical(points_m: F64) -> NDArray[np.void]:

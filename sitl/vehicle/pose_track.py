@@ -1,39 +1,101 @@
-"""Interpolation of the vehicle's true pose between ticks."""
+"""The vehicle's true motion between ticks: interpolated poses, and what an inertial unit feels."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+
+
+class Motion(Protocol):
+    """Interface of a moving vehicle to an inertial unit."""
+
+    def felt(self, stamps_ns: I64, place_frd_m: F64, gravity_ms2: float) -> tuple[F64, F64]:
+        """Return angular rates (rad/s) and specific forces (m/s2), (n, 3) in body axes, at a place."""
 
 
 @dataclass(slots=True)
 class PoseTrack:
-    """True poses of the last ticks, for the LiDAR."""
+    """True poses and velocities of the last ticks, for the sensors."""
 
     stamps: list[int] = field(default_factory=list)
     positions: list[F64] = field(default_factory=list)
     quats: list[F64] = field(default_factory=list)
+    velocities: list[F64] = field(default_factory=list)
+    _rate_before: F64 = field(default_factory=lambda: np.zeros(3))
+    _rate_at_end: F64 = field(default_factory=lambda: np.zeros(3))
 
-    def add(self, stamp_ns: int, position: F64, quat: F64) -> None:
+    def add(self, stamp_ns: int, position: F64, quat: F64, velocity: F64 | None = None) -> None:
+        """Add a tick; the velocity ENU (m/s) is needed for `felt` only."""
         self.stamps.append(stamp_ns)
         self.positions.append(position)
         self.quats.append(quat)
+        self.velocities.append(np.zeros(3) if velocity is None else velocity)
 
     def keep_last(self) -> None:
-        del self.stamps[:-1], self.positions[:-1], self.quats[:-1]
+        self._rate_before = self._rate_at_end
+        for values in (self.stamps, self.positions, self.quats, self.velocities):
+            del values[:-1]
 
     def at(self, stamps_ns: NDArray[np.int64]) -> tuple[F64, F64]:
         """Return positions (n, 3) and quaternions (n, 4), interpolated between ticks."""
         times = np.array(self.stamps, np.float64)
         when = stamps_ns.astype(np.float64)
-        positions, quats = np.array(self.positions), np.array(self.quats)
-        for i in range(1, len(quats)):
-            if quats[i] @ quats[i - 1] < 0:
-                quats[i] = -quats[i]
+        positions, quats = np.array(self.positions), self._one_sided()
         position = np.column_stack([np.interp(when, times, positions[:, i]) for i in range(3)])
         quat = np.column_stack([np.interp(when, times, quats[:, i]) for i in range(4)])
         return position, quat / np.sqrt(np.einsum("ij,ij->i", quat, quat))[:, None]
+
+    def felt(self, stamps_ns: I64, place_frd_m: F64, gravity_ms2: float) -> tuple[F64, F64]:
+        """Return angular rates (rad/s) and specific forces (m/s2), (n, 3) in body axes, at a place.
+
+        Both are constant within a tick, so that their integral is exactly the motion from tick to tick, with
+        the shock of a touchdown.
+        """
+        if len(self.stamps) < 2 or not len(stamps_ns):
+            return np.zeros((len(stamps_ns), 3)), np.zeros((len(stamps_ns), 3))
+        dt_s = np.diff(np.array(self.stamps, np.float64))[:, None] * 1e-9
+        rates = self._rates()
+        self._rate_at_end = rates[-1]
+        turning = np.diff(np.vstack([self._rate_before, rates]), axis=0) / dt_s
+        arm = np.broadcast_to(place_frd_m, rates.shape)
+        lever = np.cross(turning, arm) + np.cross(rates, np.cross(rates, arm))
+        pull = np.diff(np.array(self.velocities), axis=0) / dt_s + np.array([0.0, 0.0, gravity_ms2])
+        within = np.clip(np.searchsorted(self.stamps, stamps_ns, side="left") - 1, 0, len(rates) - 1)
+        _, quats = self.at(stamps_ns)
+        force = _into_body(quats, pull[within][:, [1, 0, 2]] * np.array([1.0, 1.0, -1.0]))
+        return rates[within], force + lever[within]
+
+    def _one_sided(self) -> F64:
+        """Return the quaternions (n, 4) with signs that do not jump."""
+        quats = np.array(self.quats)
+        for i in range(1, len(quats)):
+            if quats[i] @ quats[i - 1] < 0:
+                quats[i] = -quats[i]
+        return quats
+
+    def _rates(self) -> F64:
+        """Return the mean body rates (n - 1, 3) from tick to tick, rad/s."""
+        quats = self._one_sided()
+        w, v = quats[:-1, :1], -quats[:-1, 1:]
+        w2, v2 = quats[1:, :1], quats[1:, 1:]
+        scalar = w * w2 - np.sum(v * v2, axis=1, keepdims=True)
+        vector = w * v2 + w2 * v + np.cross(v, v2)
+        sine = np.sqrt(np.sum(vector**2, axis=1, keepdims=True))
+        angle = 2.0 * np.arctan2(sine, scalar)
+        axis = np.divide(vector, sine, out=np.zeros_like(vector), where=sine > 1e-12)
+        out: F64 = axis * angle / (np.diff(np.array(self.stamps, np.float64))[:, None] * 1e-9)
+        return out
+
+
+def _into_body(quats: F64, ned: F64) -> F64:
+    """Rotate vectors (n, 3) from north-east-down into body axes with unit quaternions (n, 4)."""
+    w, v = quats[:, :1], -quats[:, 1:]
+    t = 2.0 * np.cross(v, ned)
+    out: F64 = ned + w * t + np.cross(v, t)
+    return out

@@ -42,7 +42,7 @@ log = logging.getLogger(__name__)
 SCENES = (
     *("stadium", "plain", "hill", "streets", "mountains", "dense", "dust_out"),
     *("lakes", "ponds", "river", "flooded_field", "car_park_dry", "car_park_wet", "flat_roofs", "maize"),
-    *("snowfield", "power_line", "swaying_trees"),
+    *("snowfield", "power_line", "swaying_trees", "corridor", "wall"),
 )
 TAKEOFF_M = {"dust_out": 40.0}
 """Take-off height by scene, where it is not 30 m: above the dust."""

@@ -1,10 +1,12 @@
 """Errors of the simulated estimator: size and rate as configured."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sitl.autopilot.estimator import EstimateErrors, Estimator
+from sitl.autopilot.estimator import SEVERITIES, EstimateErrors, Estimator
 from sitl.vehicle.rigid_body import State, from_euler, multiply
 
 F64 = NDArray[np.float64]
@@ -84,3 +86,40 @@ def test_the_truth_is_left_as_it_was() -> None:
     Estimator(np.random.default_rng(0)).update(0.1, TRUTH)
     for now, then in zip((TRUTH.pos_enu_m, TRUTH.vel_enu_ms, TRUTH.quat_wxyz), before, strict=True):
         np.testing.assert_array_equal(now, then)
+
+
+@pytest.mark.parametrize(("name", "level_m", "up_m"), [("light", 0.092, 0.031), ("severe", 0.735, 0.245)])
+def test_a_drift_is_a_random_walk_of_the_size_of_its_severity(name: str, level_m: float, up_m: float) -> None:
+    drift = EstimateErrors.of_severity(name)
+    alone = replace(EstimateErrors.none(), drift_ms=drift.drift_ms, drift_up_ms=drift.drift_up_ms)
+    still = replace(TRUTH, quat_wxyz=from_euler(0.0, 0.0, 2.5))
+    ends = []
+    for run in range(400):
+        estimator = Estimator(np.random.default_rng(run), alone)
+        for _ in range(120):
+            estimate = estimator.update(0.5, still)
+        ends.append(estimate.pos_enu_m - TRUTH.pos_enu_m)
+    np.testing.assert_allclose(np.std(ends, axis=0), [level_m, level_m, up_m], rtol=0.1)
+
+
+def test_a_drift_has_the_velocity_that_it_reports() -> None:
+    estimator = Estimator(np.random.default_rng(1), replace(EstimateErrors.none(), drift_ms=0.1))
+    first = estimator.update(0.1, TRUTH)
+    for _ in range(50):
+        second = estimator.update(0.1, TRUTH)
+    moved = (second.pos_enu_m - first.pos_enu_m) / 5.0
+    np.testing.assert_allclose(moved, second.vel_enu_ms - TRUTH.vel_enu_ms, atol=1e-9)
+    assert np.linalg.norm(moved) > 0.01
+
+
+def test_no_drift_is_the_default_and_draws_the_same_errors() -> None:
+    assert EstimateErrors.of_severity("none") == EstimateErrors()
+    both = [Estimator(np.random.default_rng(3), EstimateErrors.of_severity(n)) for n in ("none", "severe")]
+    first, second = (each.update(0.1, TRUTH) for each in both)
+    np.testing.assert_array_equal(first.quat_wxyz, second.quat_wxyz)
+    assert list(SEVERITIES) == ["none", "light", "moderate", "strong", "severe"]
+
+
+def test_an_unknown_severity_is_refused_with_the_names_there_are() -> None:
+    with pytest.raises(ValueError, match="'gentle': there are none, light, moderate, strong, severe"):
+        EstimateErrors.of_severity("gentle")
