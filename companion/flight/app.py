@@ -55,6 +55,7 @@ from slz import Report, SpeckDetector, TerrainMaps
 if TYPE_CHECKING:
     from companion.flight.dashboard.page import Page, PageEndpoint
     from companion.flight.foxglove.live_view import LiveView
+    from companion.flight.fusion.odometry.lidar_odometry import LidarOdometry
 
 log = logging.getLogger(__name__)
 
@@ -132,7 +133,10 @@ class Companion:
             self.link, self.history, self.worker, self.executive, self.obstacles, self.watch,
             lambda: self.assembler.scans, lambda: (self.recordings.recorder, self.live),
         )  # fmt: skip
-        self.assembler = ScanAssembler(parameters, self.history, self.feed.add_lidar_scan, self.specks)
+        self.odometry = None if parameters.odometry == "off" else _odometry(self.history)
+        self.assembler = ScanAssembler(
+            parameters, self.history, self.feed.add_lidar_scan, self.specks, self.odometry
+        )
         wall_offset_ns = WallOffset()
         self.lidar: Lidar = open_lidar(
             lidar_url, parameters, self.assembler.add, self.link, wall_offset_ns=wall_offset_ns
@@ -277,6 +281,12 @@ class Companion:
             self._execution.stop_vehicle()
         await asyncio.sleep(0.2)
         await self.link.close()
+
+
+def _odometry(history: PoseHistory) -> LidarOdometry:
+    from companion.flight.fusion.odometry.lidar_odometry import LidarOdometry  # its kernels when it is used
+
+    return LidarOdometry(history)
 
 
 def _page(companion: Companion, front: PageEndpoint) -> Page:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from companion.flight.fusion.georeference import Georeferencer
 from companion.flight.fusion.pose_history import PoseHistory
@@ -12,6 +13,9 @@ from companion.flight.fusion.vehicle_and_dust_filter import VehicleAndDustFilter
 from companion.flight.sensors.returns import Returns, join
 from params import Parameters
 from slz import Scan, SpeckDetector
+
+if TYPE_CHECKING:
+    from companion.flight.fusion.odometry.lidar_odometry import LidarOdometry
 
 SPAN_NS = 50_000_000
 # Limit of buffered returns and lost rays, some seconds of a fast sensor: bounds memory whatever stamps say.
@@ -34,6 +38,8 @@ class ScanAssembler:
         Called with every scan, in order.
     specks
         Judge of each return, None to judge none.
+    odometry
+        Follows the scans, and corrects the history's poses; None for none.
 
     Attributes
     ----------
@@ -49,11 +55,13 @@ class ScanAssembler:
         history: PoseHistory,
         on_scan: Callable[[Scan], None],
         specks: SpeckDetector | None = None,
+        odometry: LidarOdometry | None = None,
     ) -> None:
         self._patience_ns = round(parameters.pose_timeout_s * 1e9)
         self._history = history
         self._on_scan = on_scan
         self._specks, self._epoch = specks, history.epoch
+        self._odometry = odometry
         self._georeferencer = Georeferencer(parameters)
         self._filter = VehicleAndDustFilter(parameters)
         self._waiting: deque[tuple[int, Returns]] = deque()  # with the newest stamp of each batch
@@ -105,7 +113,10 @@ class ScanAssembler:
         self._gathered = []
         if scan is not None:
             self.scans += 1
-            self._on_scan(self._judged(scan))
+            if self._odometry is not None:
+                self._odometry.add(scan)
+            placed = self._history.correction_at(int(scan.stamp_ns[-1])).scan(scan)
+            self._on_scan(self._judged(placed))
 
     def _judged(self, scan: Scan) -> Scan:
         """Return a scan with the kinds of its returns, by rays since the last jump of the position."""

@@ -41,7 +41,7 @@ class Georeferencer:
         self.pitched = 0
 
     def georeference(self, returns: Returns, history: PoseHistory) -> Scan | None:
-        """Return the scan in the history's map frame, None if no return could be placed."""
+        """Return the scan in the history's map frame by the autopilot's poses, None if nothing has a pose."""
         if history.frame is None:
             self.without_pose += len(returns)
             return None

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.flight.fusion.motion import POSITION_WIDTH, STRETCH, interpolate
+from companion.flight.fusion.odometry.correction import Correction
 from companion.flight.geometry.pose import Pose, turned
 from companion.runtime.sample_buffer import SampleBuffer
 from params import Parameters
@@ -46,6 +47,9 @@ class Poses:
 class PoseHistory:
     """Buffers of the autopilot's attitude and position, on the companion clock.
 
+    What is stored and interpolated is the autopilot's estimate; `latest` is relative to the map, by the
+    odometry's `correction`.
+
     Parameters
     ----------
     parameters
@@ -62,9 +66,15 @@ class PoseHistory:
         Map frame, None until known.
     epoch
         Incremented when the position estimate jumps, the clocks restart or a new frame begins.
-    jumps, refused, misdated
-        Jumps of the estimate; samples out of order, repeated or not finite; samples dropped because they were
-        stamped by a wrong mapping of the autopilot's clock.
+    correction
+        From the autopilot's coordinates to those of the map.
+    tracked_until_ns
+        Time until which the odometry knows the place on the map, so that a jump of the estimate moves nothing
+        on it; None while it does not.
+    jumps, absorbed, refused, misdated
+        Jumps of the estimate that began an epoch, and those that the odometry absorbed; samples out of
+        order, repeated or not finite; samples dropped because they were stamped by a wrong mapping of the
+        autopilot's clock.
     """
 
     def __init__(
@@ -76,8 +86,11 @@ class PoseHistory:
         self._rates = np.zeros(3)
         self.frame = frame
         self.epoch = 0
-        self.jumps = 0
+        self.jumps = self.absorbed = 0
         self.refused = 0
+        self.correction = Correction()
+        self.tracked_until_ns: int | None = None
+        self._before_jump: tuple[int, Correction] | None = None  # last stamp before an absorbed jump
         self._newest_lla: tuple[float, float, float] | None = None
         self.misdated = 0
         self._certain_ns: int | None = None
@@ -122,9 +135,12 @@ class PoseHistory:
         if self.frame is None:
             self.frame = LocalFrame(lat_deg, lon_deg, alt_m)
         position = self.frame.enu_m(lat_deg, lon_deg, alt_m)
-        if self._has_jumped(stamp_ns, position, velocity):
+        jump = self._jump_m(stamp_ns, position, velocity)
+        if jump is not None and self.tracked_until_ns is not None and stamp_ns <= self.tracked_until_ns:
+            self._absorb(jump)
+        elif jump is not None:
             self.jumps += 1
-            self.epoch += 1
+            self._begin_epoch()
             self._stretch += 1
             if self.frame.turn_rad(lat_deg, lon_deg) > MOST_TURN_RAD:
                 self._change_frame(LocalFrame(lat_deg, lon_deg, alt_m))
@@ -153,7 +169,7 @@ class PoseHistory:
             if self._newest_lla is None:
                 raise ValueError("a frame cannot begin without a position")
             frame = LocalFrame(*self._newest_lla)
-        self.epoch += 1
+        self._begin_epoch()
         self._change_frame(frame)
         return frame
 
@@ -168,8 +184,26 @@ class PoseHistory:
         """Drop all samples: the autopilot restarted, and so did its estimate."""
         self._attitudes.clear()
         self._positions.clear()
-        self.epoch += 1
+        self._begin_epoch()
         self._stretch += 1
+
+    def correction_at(self, stamp_ns: int) -> Correction:
+        """Return the correction of what was placed by poses of a time: another before an absorbed jump."""
+        if self._before_jump is not None and stamp_ns <= self._before_jump[0]:
+            return self._before_jump[1]
+        return self.correction
+
+    def _begin_epoch(self) -> None:
+        """Begin an epoch: the map is of the coordinates before."""
+        self.epoch += 1
+        self.correction, self.tracked_until_ns, self._before_jump = Correction(), None, None
+
+    def _absorb(self, jump_enu_m: Floats) -> None:
+        """Keep the place on the map through a jump of the estimate."""
+        self.absorbed += 1
+        self._stretch += 1
+        self._before_jump = int(self._positions.stamp_ns[-1]), self.correction
+        self.correction = self.correction.after_jump(jump_enu_m)
 
     @property
     def bracketed_until_ns(self) -> int | None:
@@ -187,7 +221,7 @@ class PoseHistory:
         return a.stamp_ns, a.values, p.stamp_ns, p.values, self._limit_ns
 
     def interpolate(self, stamp_ns: NDArray[np.int64]) -> Poses:
-        """Return the poses at stamps (n,), without extrapolation or interpolation across gaps and jumps."""
+        """Return the autopilot's poses at stamps (n,): none is extrapolated, or across gaps or jumps."""
         n = len(stamp_ns)
         poses = Poses(np.empty((n, 3)), np.empty((n, 3, 3)), np.empty(n, dtype=np.bool_))
         interpolate(
@@ -200,7 +234,7 @@ class PoseHistory:
         return poses
 
     def latest(self, now_ns: int) -> Pose | None:
-        """Return the newest pose extrapolated to now, by at most 0.1 s; None if it is stale.
+        """Return the newest pose on the map, extrapolated to now by at most 0.1 s; None if it is stale.
 
         Its stamp is the time to which it was extrapolated.
         """
@@ -212,13 +246,14 @@ class PoseHistory:
         stamp_ns = min(now_ns, min(attitude_ns, position_ns) + round(EXTRAPOLATION_S * 1e9))
         sample = self._positions.values[-1]
         velocity = sample[3:6].copy()
-        return Pose(
+        pose = Pose(
             stamp_ns=stamp_ns,
             position_enu_m=sample[:3] + velocity * _bounded_s(stamp_ns - position_ns),
             velocity_enu_ms=velocity,
             quat_wxyz=turned(self._attitudes.values[-1], self._rates, _bounded_s(stamp_ns - attitude_ns)),
             epoch=self.epoch,
         )
+        return self.correction.pose(pose)
 
     # ---- acceptance of samples ------------------------------------------------------------------
 
@@ -238,16 +273,18 @@ class PoseHistory:
         on_earth = abs(lat_deg) <= 90 and abs(lon_deg) <= 180
         return on_earth and bool(np.isfinite(alt_m) and np.isfinite(velocity).all())
 
-    def _has_jumped(self, stamp_ns: int, position: Floats, velocity: Floats) -> bool:
+    def _jump_m(self, stamp_ns: int, position: Floats, velocity: Floats) -> Floats | None:
+        """Return the jump (3,) of the estimate to a position, None if it is motion."""
         if not len(self._positions):
-            return False
+            return None
         last = self._positions.values[-1]
         elapsed_s = (stamp_ns - int(self._positions.stamp_ns[-1])) * 1e-9
         way = (last[3:6] + velocity) * (elapsed_s / 2)
         allowed_m = motion_m(elapsed_s, self._limit_ns * 1e-9)
         if last[STRETCH] != self._stretch:  # the clock jumped in between: the elapsed time is unknown
             allowed_m += float(np.linalg.norm(way))
-        return bool(np.linalg.norm(position - last[:3] - way) > allowed_m)
+        jump: Floats = position - last[:3] - way
+        return jump if np.linalg.norm(jump) > allowed_m else None
 
 
 def motion_m(elapsed_s: float, timeout_s: float) -> float:

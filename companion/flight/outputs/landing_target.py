@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.flight.fusion.odometry.correction import Correction
 from companion.flight.geometry.axes import Floats, PoseLike, body_frd_m
 from companion.flight.link.vehicle_state import VehicleState, boot_step_ms
 from slz.frame import LocalFrame
@@ -32,6 +33,7 @@ def landing_target(
     *,
     pose_timeout_s: float,
     frame: LocalFrame | None = None,
+    correction: Correction | None = None,
 ) -> Any | None:
     """Return the message that guides the vehicle to a point, None if no valid one can be computed.
 
@@ -47,6 +49,8 @@ def landing_target(
         Companion clock.
     frame
         Map frame; without it, or while PX4's local origin is unknown, there is no message for PX4.
+    correction
+        From the autopilot's coordinates to those of the map, None for none.
     """
     if now_ns - pose.stamp_ns > pose_timeout_s * 1e9:
         return None
@@ -59,7 +63,8 @@ def landing_target(
     origin = None if frame is None else local_origin_enu_m(frame, vehicle)
     if origin is None:
         return None
-    east, north, up = point - origin
+    there = point if correction is None else correction.of_map(point)
+    east, north, up = there - origin
     return _message(mavlink.MAV_FRAME_LOCAL_NED, np.array([north, east, -up]), body, now_ns)
 
 

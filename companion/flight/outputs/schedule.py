@@ -135,6 +135,7 @@ class MessageSchedule:
                 at_ns,
                 pose_timeout_s=self._parameters.pose_timeout_s,
                 frame=self._history.frame,
+                correction=self._history.correction,
             )
         self._send("LANDING_TARGET", message)
 

@@ -1,0 +1,84 @@
+"""Filter of the correction: what the autopilot's errors may do, and what scan and map say, axis by axis."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+TURN, SHIFT = slice(0, 3), slice(3, 6)
+YAW, EAST, NORTH, UP = 2, 3, 4, 5
+
+# Errors of an autopilot's estimate. A tilt is corrected by gravity: it stays small, and the correction
+# returns to zero. Heading and position wander.
+TILT_RAD, TILT_S = np.radians(0.3), 20.0
+YAW_RAD_SQRT_S, AWAY_M_SQRT_S, UP_M_SQRT_S = np.radians(0.1), 0.04, 0.06
+# Errors that all points of a scan share: each counts as this share of an independent one.
+SHARED = 10.0
+# An axis is observed if one scan tells it this surely.
+SURE_M, SURE_RAD = 0.05, np.radians(0.3)
+SURE_UP_M = 0.02
+
+
+class CorrectionFilter:
+    """Gaussian filter of rotation vector and shift about the sensor, in six degrees of freedom.
+
+    Attributes
+    ----------
+    covariance
+        (6, 6): rotation vector about east, north, up (rad2), then shift east, north, up (m2).
+    observed
+        (6,) bool, whether the last scan told each axis.
+    """
+
+    def __init__(self) -> None:
+        self.covariance = np.zeros((6, 6))
+        self.observed = np.zeros(6, np.bool_)
+
+    def predict(self, state: Floats, seconds: float) -> Floats:
+        """Return the state (6,) after some seconds without a scan; the covariance grows."""
+        keep = np.ones(6)
+        keep[:2] = np.exp(-seconds / TILT_S)
+        grown = np.array([YAW_RAD_SQRT_S, AWAY_M_SQRT_S, AWAY_M_SQRT_S, UP_M_SQRT_S]) ** 2 * seconds
+        tilt = TILT_RAD**2 * (1 - keep[:2] ** 2)
+        self.covariance = keep[:, np.newaxis] * self.covariance * keep + np.diag([*tilt, *grown])
+        return state * keep
+
+    def step(self, away: Floats, left: Floats, right: Floats) -> Floats:
+        """Return the further change of the state (6,), which is `away` (6,) from the prediction."""
+        information = np.linalg.inv(self.covariance)
+        told, said = self._told(left / SHARED, right / SHARED)
+        return np.asarray(np.linalg.solve(told + information, said - information @ away))
+
+    def finish(self, left: Floats) -> None:
+        """Take the last normal equations into the covariance."""
+        information = np.linalg.inv(self.covariance)
+        told, _ = self._told(left / SHARED, np.zeros(6))
+        self.covariance = np.linalg.inv(told + information)
+
+    def _told(self, left: Floats, right: Floats) -> tuple[Floats, Floats]:
+        """Return normal equations without the horizontal directions that the scan does not determine.
+
+        Along a wall, or over level ground, little is left of the horizontal information when the heading is
+        unknown too: it would follow a few points on a bush.
+        """
+        yaw = left[YAW, YAW] + 1 / self.covariance[YAW, YAW]
+        flat = left[3:5, 3:5] - np.outer(left[3:5, YAW], left[3:5, YAW]) / yaw
+        values, axes = np.linalg.eigh(flat)
+        weak = axes[:, values < 1 / SURE_M**2]
+        keep = np.eye(6)
+        keep[3:5, 3:5] -= weak @ weak.T
+        turns = weak.shape[1] < 2 and left[YAW, YAW] >= 1 / SURE_RAD**2
+        if not turns:
+            keep[YAW, YAW] = 0.0
+        self.observed = np.array(
+            [
+                left[0, 0] >= 1 / SURE_RAD**2,
+                left[1, 1] >= 1 / SURE_RAD**2,
+                turns,
+                keep[EAST, EAST] > 0.9,
+                keep[NORTH, NORTH] > 0.9,
+                left[UP, UP] >= 1 / SURE_UP_M**2,
+            ]
+        )
+        return keep @ left @ keep, keep @ right

@@ -1,0 +1,186 @@
+"""LiDAR odometry: scan to map in six degrees of freedom, with the autopilot's estimate as prior."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.flight.fusion.odometry.correction import Correction
+from companion.flight.fusion.odometry.correction_filter import CorrectionFilter
+from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
+from companion.flight.fusion.odometry.registration_kernel import normal_equations
+from companion.flight.fusion.odometry.surfel_map import SIZES_M, SurfelMap
+from companion.flight.fusion.pose_history import PoseHistory
+from slz import Scan
+
+Floats = NDArray[np.float64]
+PERIOD_NS = 95_000_000  # of an update: 10 Hz of scans of 50 ms
+GAP_NS = 2_000_000_000  # without scans, after which the map begins anew
+MOST_POINTS = 12_000  # of an update, spread evenly over the scans
+FEWEST_POINTS = 300
+OLD_NS = 5_000_000_000
+SIGMA_M, GATE_M = 0.05, 0.4
+ROUNDS = 4
+LEAST_SHARE = 0.4  # of the points at a plane of the map, that lie in it
+MOST_RATE_MS = 2.0  # of a drift
+MOST_STEP_M, MOST_TURN_RAD = 0.15, np.radians(2.0)  # of one update, beside a drift
+MOST_TILT_RAD = np.radians(4.0)
+LOST_NS = 1_000_000_000  # without an axis, until it no longer counts as observed
+RATE_S = 2.0
+STUCK = 20  # updates refused in a row, after which the map begins anew
+
+
+class LidarOdometry:
+    """Odometry of one LiDAR, which sets the history's correction.
+
+    Attributes
+    ----------
+    updates, refused
+        Updates by a scan, and scans that did not fit the map: too few points in its planes, or a step that no
+        vehicle and no autopilot makes.
+    restarts
+        Times the map began anew.
+    """
+
+    def __init__(self, history: PoseHistory) -> None:
+        self._history = history
+        self._map, self._filter = SurfelMap(), CorrectionFilter()
+        self._waiting: list[Scan] = []
+        self._last_ns: int | None = None
+        self._epoch = history.epoch
+        self._seen_ns = np.zeros(6, np.int64)
+        self._refused_in_row = 0
+        self.estimate: OdometryEstimate | None = None
+        self.updates = self.refused = self.restarts = 0
+
+    def add(self, scan: Scan) -> None:
+        """Take a scan as the autopilot's poses place it; update the correction once 0.1 s are complete."""
+        if self._history.epoch != self._epoch:
+            self._epoch = self._history.epoch
+            self._restart()
+        self._waiting.append(scan)
+        newest_ns = int(scan.stamp_ns[-1])
+        if self._last_ns is not None and newest_ns < self._last_ns:
+            self._restart()
+            return
+        if newest_ns - int(self._waiting[0].stamp_ns[0]) < PERIOD_NS:
+            return
+        points = np.concatenate([one.points_enu_m for one in self._waiting])
+        self._waiting = []
+        if len(points) >= FEWEST_POINTS:
+            step = -(-len(points) // MOST_POINTS)
+            self._update(np.ascontiguousarray(points[::step]), scan.sensor_enu_m, newest_ns)
+
+    def statistics(self) -> dict[str, int]:
+        """Return the counts."""
+        return {"updates": self.updates, "refused": self.refused, "restarts": self.restarts}
+
+    def _restart(self) -> None:
+        """Begin the map anew; the correction stays."""
+        self._map.clear()
+        self._waiting, self._last_ns = [], None
+        self._seen_ns[:] = 0
+        self._refused_in_row = 0
+        self._filter = CorrectionFilter()
+        self.estimate = None
+        self.restarts += 1
+
+    def _update(self, points: Floats, sensor_enu_m: Floats, at_ns: int) -> None:
+        correction = replace(self._history.correction, pivot_enu_m=sensor_enu_m)
+        if self._last_ns is None or at_ns - self._last_ns > GAP_NS:
+            if self._last_ns is not None:
+                self._restart()
+            self._last_ns = at_ns
+            placed = correction.points(points)
+            self._map.add(placed, np.zeros(len(points), np.bool_), at_ns, sensor_enu_m)
+            return
+        seconds = (at_ns - self._last_ns) * 1e-9
+        self._last_ns = at_ns
+        predicted = self._filter.predict(
+            np.concatenate([correction.turn_rad, correction.shift_enu_m + correction.rate_enu_ms * seconds]),
+            seconds,
+        )
+        state, fits, known, placed = self._register(points, sensor_enu_m, at_ns, predicted, seconds)
+        if not fits:
+            self.refused += 1
+            self._refused_in_row += 1
+            self._set(predicted, correction, sensor_enu_m, seconds, at_ns)
+            if self._refused_in_row >= STUCK:
+                self._restart()
+            return
+        self._refused_in_row = 0
+        self.updates += 1
+        self._seen_ns[self._filter.observed] = at_ns
+        self._set(state, correction, sensor_enu_m, seconds, at_ns)
+        self._map.add(placed, known, at_ns, sensor_enu_m + state[3:])
+
+    def _register(
+        self, points: Floats, pivot: Floats, at_ns: int, predicted: Floats, seconds: float
+    ) -> tuple[Floats, bool, NDArray[np.bool_], Floats]:
+        """Return state, whether scan and map agree, points that the map knows, and points on the map."""
+        state, surfels = predicted.copy(), self._map
+        placed, known = np.empty_like(points), np.empty(len(points), np.bool_)
+        left, right = np.zeros((6, 6)), np.zeros(6)
+        met = matched = 0
+        for _ in range(ROUNDS):
+            met, matched, _ = normal_equations(
+                points,
+                pivot,
+                Correction(state[:3]).rotation,
+                state[3:],
+                at_ns,
+                SIZES_M,
+                surfels.keys,
+                surfels.first_ns,
+                surfels.counts,
+                surfels.planes,
+                OLD_NS,
+                SIGMA_M,
+                GATE_M,
+                placed,
+                known,
+                left,
+                right,
+            )
+            change = self._filter.step(state - predicted, left, right)
+            state = state + change
+            if np.abs(change[3:]).max() < 1e-3 and np.abs(change[:3]).max() < 1e-4:
+                break
+        moved = state - predicted
+        fits = (
+            matched >= LEAST_SHARE * met
+            and float(np.linalg.norm(moved[3:])) <= MOST_STEP_M + MOST_RATE_MS * seconds
+            and float(np.linalg.norm(moved[:3])) <= MOST_TURN_RAD
+            and float(np.linalg.norm(state[:2])) <= MOST_TILT_RAD
+        )
+        if fits:
+            self._filter.finish(left)
+        return state, bool(fits), known, placed
+
+    def _set(
+        self, state: Floats, before: Correction, pivot_enu_m: Floats, seconds: float, at_ns: int
+    ) -> None:
+        """Hand the correction to the history, and form the estimate."""
+        share = min(1.0, seconds / RATE_S)
+        observed = at_ns - self._seen_ns < LOST_NS
+        rate = (state[3:] - before.shift_enu_m) / seconds
+        rate = before.rate_enu_ms + (rate - before.rate_enu_ms) * share
+        rate = np.where(observed[3:], rate, 0.0)
+        self._history.correction = Correction(state[:3], pivot_enu_m, state[3:], rate)
+        self._history.tracked_until_ns = at_ns + LOST_NS if observed.all() else None
+        poses = self._history.interpolate(np.array([at_ns]))
+        pose = self._history.latest(at_ns)
+        if pose is None or not poses.valid[0]:
+            self.estimate = None
+            return
+        order = [3, 4, 5, 0, 1, 2]
+        self.estimate = OdometryEstimate(
+            stamp_ns=pose.stamp_ns,
+            position_enu_m=pose.position_enu_m,
+            velocity_enu_ms=pose.velocity_enu_ms,
+            quat_wxyz=pose.quat_wxyz,
+            pose_covariance=self._filter.covariance[np.ix_(order, order)],
+            velocity_covariance=np.diag([0.05**2] * 3),
+            observed=observed[order],
+            resets=self.restarts,
+        )
