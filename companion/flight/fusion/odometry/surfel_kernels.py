@@ -25,7 +25,7 @@ ROUGHNESS = 4
 @kernel
 def key_of(x: int, y: int, z: int) -> int:
     """Return the key of a voxel, never 0."""
-    return (((x & _COORDINATE) << 42) | ((y & _COORDINATE) << 21) | (z & _COORDINATE)) + 1
+    return (((x & _COORDINATE) << 42) | ((y & _COORDINATE) << 21) | (z & _COORDINATE)) + 1  # type: ignore[return-value]
 
 
 @kernel
