@@ -158,6 +158,7 @@ class Companion:
             self.fitness,
             self.wind,
             self.watch,
+            self.odometry,
         )
         self.feed.on_scan.subscribe(self.situations.on_scan)
         self.feed.on_new_map.subscribe(self.situations.on_new_map)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from companion.flight.doctor.autopilot_fitness import Fitness
 from companion.flight.fusion.pose_history import PoseHistory
@@ -17,6 +18,9 @@ from companion.runtime.clock import now_ns
 from params import Parameters
 from slz import Intrusion, PointState, Report, SelectedPoint
 
+if TYPE_CHECKING:
+    from companion.flight.fusion.odometry.lidar_odometry import LidarOdometry
+
 # A heartbeat comes each second; without two of them nobody knows which mode the pilot has chosen.
 HEARD_NS = 2_500_000_000
 SWITCHED_NS = 2_500_000_000  # a pilot's switch explains a mode that shows so long after it
@@ -29,6 +33,8 @@ class SituationSource:
     ----------
     radar
         A radar beside the LiDAR, if any.
+    odometry
+        None while it is off.
 
     Attributes
     ----------
@@ -49,7 +55,9 @@ class SituationSource:
         fitness: Fitness,
         wind: WindEstimate,
         watch: PointWatch,
+        odometry: LidarOdometry | None = None,
     ) -> None:
+        self._odometry = odometry
         self._p = parameters
         self._link, self._history, self._worker = link, history, worker
         self._lidar, self._radar, self._fitness = lidar, radar, fitness
@@ -108,6 +116,8 @@ class SituationSource:
             breached=health.breached,
             estimate_lost=health.estimate_lost,
             gps_lost=health.gps_lost,
+            tracked=None if self._odometry is None else self._odometry.is_tracking(now),
+            gps_drift_m=0.0 if self._odometry is None else self._odometry.gps_drift_m,
             cause=health.cause(now),
             target_lost_ns=health.target_lost_ns,
             sticks_us=health.sticks_us,

@@ -361,7 +361,11 @@ class Executive:
             case Reaction.CALL:
                 self.state.say(Severity.CRITICAL, f"{breach.what}: take over")
             case Reaction.TELL if breach.precondition is Precondition.GPS:
-                self.state.say(Severity.CRITICAL, "GPS lost: the estimate drifts, be ready")
+                aided = s.tracked and self._p.odometry == "autopilot"
+                what = "going on by the LiDAR" if aided else "the estimate drifts, be ready"
+                self.state.say(Severity.CRITICAL, f"GPS lost: {what}")
+            case Reaction.TELL if breach.precondition is Precondition.DRIFT:
+                self.state.say(Severity.CRITICAL, f"GPS drifts off the LiDAR, {s.gps_drift_m:.1f} m in 10 s")
             case Reaction.TELL:
                 cause = f" ({breach.what})" if breach.what else ""
                 self.state.say(Severity.CRITICAL, f"autopilot failsafe{cause}: going on")

@@ -16,7 +16,8 @@ YAW_RAD_SQRT_S, AWAY_M_SQRT_S, UP_M_SQRT_S = np.radians(0.1), 0.04, 0.06
 # Errors that all points of a scan share: each counts as this share of an independent one.
 SHARED = 10.0
 # An axis is observed if one scan tells it this surely.
-SURE_M, SURE_RAD = 0.05, np.radians(0.3)
+SURE_M, SURE_RAD = 0.1, np.radians(0.3)
+FEWEST_STEEP = 60  # points at steep planes, below which they may be those of a bush
 SURE_UP_M = 0.02
 
 
@@ -44,19 +45,19 @@ class CorrectionFilter:
         self.covariance = keep[:, np.newaxis] * self.covariance * keep + np.diag([*tilt, *grown])
         return state * keep
 
-    def step(self, away: Floats, left: Floats, right: Floats) -> Floats:
+    def step(self, away: Floats, left: Floats, right: Floats, steep: int) -> Floats:
         """Return the further change of the state (6,), which is `away` (6,) from the prediction."""
         information = np.linalg.inv(self.covariance)
-        told, said = self._told(left / SHARED, right / SHARED)
+        told, said = self._told(left / SHARED, right / SHARED, steep)
         return np.asarray(np.linalg.solve(told + information, said - information @ away))
 
-    def finish(self, left: Floats) -> None:
-        """Take the last normal equations into the covariance."""
+    def finish(self, left: Floats, steep: int) -> None:
+        """Take the last normal equations, of some points at steep planes, into the covariance."""
         information = np.linalg.inv(self.covariance)
-        told, _ = self._told(left / SHARED, np.zeros(6))
+        told, _ = self._told(left / SHARED, np.zeros(6), steep)
         self.covariance = np.linalg.inv(told + information)
 
-    def _told(self, left: Floats, right: Floats) -> tuple[Floats, Floats]:
+    def _told(self, left: Floats, right: Floats, steep: int) -> tuple[Floats, Floats]:
         """Return normal equations without the horizontal directions that the scan does not determine.
 
         Along a wall, or over level ground, little is left of the horizontal information when the heading is
@@ -65,7 +66,7 @@ class CorrectionFilter:
         yaw = left[YAW, YAW] + 1 / self.covariance[YAW, YAW]
         flat = left[3:5, 3:5] - np.outer(left[3:5, YAW], left[3:5, YAW]) / yaw
         values, axes = np.linalg.eigh(flat)
-        weak = axes[:, values < 1 / SURE_M**2]
+        weak = axes if steep < FEWEST_STEEP else axes[:, values < 1 / SURE_M**2]
         keep = np.eye(6)
         keep[3:5, 3:5] -= weak @ weak.T
         turns = weak.shape[1] < 2 and left[YAW, YAW] >= 1 / SURE_RAD**2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -29,6 +30,8 @@ MOST_STEP_M, MOST_TURN_RAD = 0.15, np.radians(2.0)  # of one update, beside a dr
 MOST_TILT_RAD = np.radians(4.0)
 LOST_NS = 1_000_000_000  # without an axis, until it no longer counts as observed
 RATE_S = 2.0
+FRESH_NS = 500_000_000
+DRIFT_NS, DRIFT_STEP_NS = 10_000_000_000, 500_000_000
 STUCK = 20  # updates refused in a row, after which the map begins anew
 
 
@@ -52,6 +55,7 @@ class LidarOdometry:
         self._epoch = history.epoch
         self._seen_ns = np.zeros(6, np.int64)
         self._refused_in_row = 0
+        self._track: deque[tuple[int, Floats]] = deque()
         self.estimate: OdometryEstimate | None = None
         self.updates = self.refused = self.restarts = 0
 
@@ -73,6 +77,19 @@ class LidarOdometry:
             step = -(-len(points) // MOST_POINTS)
             self._update(np.ascontiguousarray(points[::step]), scan.sensor_enu_m, newest_ns)
 
+    def is_tracking(self, now_ns: int) -> bool:
+        """Tell whether scans and map tell the whole pose now."""
+        estimate = self.estimate
+        return estimate is not None and estimate.is_healthy and now_ns - estimate.stamp_ns < FRESH_NS
+
+    @property
+    def gps_drift_m(self) -> float:
+        """Distance by which the autopilot's position went off the map within the last ten seconds, m."""
+        if len(self._track) < 2:
+            return 0.0
+        places = np.array([place for _, place in self._track])
+        return float(np.linalg.norm(places - places[-1], axis=1).max())
+
     def statistics(self) -> dict[str, int]:
         """Return the counts."""
         return {"updates": self.updates, "refused": self.refused, "restarts": self.restarts}
@@ -82,6 +99,7 @@ class LidarOdometry:
         self._map.clear()
         self._waiting, self._last_ns = [], None
         self._seen_ns[:] = 0
+        self._track.clear()
         self._refused_in_row = 0
         self._filter = CorrectionFilter()
         self.estimate = None
@@ -116,6 +134,19 @@ class LidarOdometry:
         self._set(state, correction, sensor_enu_m, seconds, at_ns)
         self._map.add(placed, known, at_ns, sensor_enu_m + state[3:])
 
+    def _follow_drift(self, at_ns: int, shift_m: Floats, observed: bool) -> None:
+        """Note the horizontal shift, each half second of the last ten while it is observed."""
+        track = self._track
+        if not observed:
+            track.clear()
+            return
+        while track and at_ns - track[0][0] > DRIFT_NS:
+            track.popleft()
+        if len(track) < 2 or at_ns - track[-2][0] >= DRIFT_STEP_NS:
+            track.append((at_ns, shift_m))
+        else:
+            track[-1] = at_ns, shift_m
+
     def _register(
         self, points: Floats, pivot: Floats, at_ns: int, predicted: Floats, seconds: float
     ) -> tuple[Floats, bool, NDArray[np.bool_], Floats]:
@@ -123,9 +154,9 @@ class LidarOdometry:
         state, surfels = predicted.copy(), self._map
         placed, known = np.empty_like(points), np.empty(len(points), np.bool_)
         left, right = np.zeros((6, 6)), np.zeros(6)
-        met = matched = 0
+        met = matched = steep = 0
         for _ in range(ROUNDS):
-            met, matched, _ = normal_equations(
+            met, matched, steep = normal_equations(
                 points,
                 pivot,
                 Correction(state[:3]).rotation,
@@ -144,7 +175,7 @@ class LidarOdometry:
                 left,
                 right,
             )
-            change = self._filter.step(state - predicted, left, right)
+            change = self._filter.step(state - predicted, left, right, steep)
             state = state + change
             if np.abs(change[3:]).max() < 1e-3 and np.abs(change[:3]).max() < 1e-4:
                 break
@@ -156,7 +187,7 @@ class LidarOdometry:
             and float(np.linalg.norm(state[:2])) <= MOST_TILT_RAD
         )
         if fits:
-            self._filter.finish(left)
+            self._filter.finish(left, steep)
         return state, bool(fits), known, placed
 
     def _set(
@@ -168,6 +199,7 @@ class LidarOdometry:
         rate = (state[3:] - before.shift_enu_m) / seconds
         rate = before.rate_enu_ms + (rate - before.rate_enu_ms) * share
         rate = np.where(observed[3:], rate, 0.0)
+        self._follow_drift(at_ns, state[3:5], bool(observed[3:5].all()))
         self._history.correction = Correction(state[:3], pivot_enu_m, state[3:], rate)
         self._history.tracked_until_ns = at_ns + LOST_NS if observed.all() else None
         poses = self._history.interpolate(np.array([at_ns]))

@@ -12,7 +12,7 @@ from slz.kernels.jit import kernel
 SLOT_BITS = 17
 SLOTS = 1 << SLOT_BITS
 FEWEST = 8  # points that make a plane
-FLAT_M = 0.04  # greatest standard deviation of the points across it
+FLAT_M = 0.035  # greatest standard deviation of the points across it
 WIDE = 0.12  # least second standard deviation of its points, in sizes of the voxel
 _MASK, _SHIFT = np.int64(SLOTS - 1), np.uint64(64 - SLOT_BITS)
 _FACTOR = np.uint64(0x9E3779B97F4A7C15)

@@ -36,6 +36,8 @@ class Precondition(Enum):
     ESTIMATE = "estimator trusted"
     NO_FAILSAFE = "no failsafe"
     GPS = "GPS has a fix"
+    TRACK = "GPS has a fix, or the LiDAR odometry the place"
+    DRIFT = "GPS and LiDAR odometry agree"
     STICKS = "sticks at rest"
     POSITION = "position known"
     TARGET = "landing target used"
@@ -74,6 +76,8 @@ TABLE: dict[Precondition, dict[Stage, Reaction]] = {
     Precondition.ESTIMATE: _row(Reaction.STAND_BACK),
     Precondition.NO_FAILSAFE: _row(Reaction.TELL),
     Precondition.GPS: _row(Reaction.TELL),
+    Precondition.TRACK: _row(_CALL),
+    Precondition.DRIFT: _row(Reaction.TELL),
     Precondition.STICKS: _row(_NO, _NO, _NO, _OFF, _OFF, _NO, _NO),
     Precondition.POSITION: _row(_HOLD, _HOLD, _BREAK, _BREAK, _NO, _HOLD, _HOLD),
     Precondition.TARGET: _row(_NO, _NO, _NO, _BREAK, _CALL, _NO, _NO),
@@ -88,6 +92,7 @@ SECOND = 1_000_000_000
 PATIENCE_NS = {
     Precondition.ESTIMATE: SECOND,
     Precondition.GPS: SECOND // 2,
+    Precondition.TRACK: SECOND // 2,
     Precondition.STICKS: SECOND // 4,
     Precondition.OVER: SECOND // 2,
     Precondition.SINKS: 3 * SECOND // 2,
@@ -98,6 +103,7 @@ STICK_US = 80  # beyond the dead zones of both autopilots
 HELD_US = 150  # from the middle of the pulse: beyond the rest position of any calibrated transmitter
 MIDDLE_US = 1500
 CLIMBING_MS = 0.5  # climb rate that the change to LAND does not reach
+MOST_DRIFT_M = 0.8  # in ten seconds; a receiver under a clear sky wanders by a tenth of that
 SINKING_MS = 0.5  # excess over the commanded sink rate
 
 
@@ -188,8 +194,12 @@ class Preconditions:
             broken[Precondition.ESTIMATE] = f"{s.estimate_lost} lost"
         if s.failsafe:
             broken[Precondition.NO_FAILSAFE] = s.cause
-        if s.gps_lost:
+        if s.gps_lost and s.tracked is False:
+            broken[Precondition.TRACK] = "GPS lost, LiDAR sees too little"
+        elif s.gps_lost:
             broken[Precondition.GPS] = ""
+        if s.gps_drift_m > MOST_DRIFT_M:
+            broken[Precondition.DRIFT] = ""
         if self._sticks_moved(s):
             broken[Precondition.STICKS] = ""
         since_ns, lost_ns = self._landing_since_ns, s.target_lost_ns
@@ -209,7 +219,7 @@ class Preconditions:
         """Return whether a precondition has failed for its minimum time."""
         if precondition not in broken:
             self._since_ns.pop(precondition, None)
-            if TABLE[precondition][Stage.SURVEY] is Reaction.TELL:
+            if TABLE[precondition][Stage.SURVEY] is Reaction.TELL or precondition is Precondition.TRACK:
                 self._reported_ns.pop(precondition, None)
             return False
         since_ns = self._since_ns.setdefault(precondition, now_ns)
