@@ -17,7 +17,7 @@ YAW_RAD_SQRT_S, AWAY_M_SQRT_S, UP_M_SQRT_S = np.radians(0.1), 0.04, 0.06
 SHARED = 10.0
 # An axis is observed if one scan tells it this surely.
 SURE_M, SURE_RAD = 0.1, np.radians(0.3)
-FEWEST_STEEP = 60  # points at steep planes, below which they may be those of a bush
+FEWEST_STEEP = 30  # points at steep planes, below which they may be those of a bush
 SURE_UP_M = 0.02
 
 

@@ -19,7 +19,7 @@ from slz import Scan
 Floats = NDArray[np.float64]
 PERIOD_NS = 95_000_000  # of an update: 10 Hz of scans of 50 ms
 GAP_NS = 2_000_000_000  # without scans, after which the map begins anew
-MOST_POINTS = 12_000  # of an update, spread evenly over the scans
+MOST_POINTS = 24_000  # of an update, spread evenly over the scans
 FEWEST_POINTS = 300
 OLD_NS = 5_000_000_000
 SIGMA_M, GATE_M = 0.05, 0.4
