@@ -44,8 +44,8 @@ def odometry_message(
         Its autopilot determines frame and estimator type; there is no message for others.
     estimate
         None is returned if it is older than 0.3 s, from the future, not finite, if its covariances are not
-        positive definite or too large, or if a position axis is not observed: that axis holds the autopilot's own
-        estimate, which would confirm itself.
+        positive definite or too large, or if a position axis is not observed: that axis holds the
+        autopilot's own estimate, which would confirm itself.
     origin_enu_m
         The autopilot's local origin in the map frame (3,), m; None while unknown.
     now_ns
@@ -91,11 +91,12 @@ def odometry_message(
 def clock_message(now_ns: int) -> Any:
     """Return the VISION_SPEED_ESTIMATE without a velocity that shows ArduPilot the companion's clock.
 
-    ArduPilot does not use TIMESYNC for odometry, but takes the least delay of the last 100 stamps as none; the
-    estimates alone, each as old as its scan, would all be fused that much late. Stamped at the moment of sending,
-    this message makes that delay the link's. NaN is fused nowhere; an ODOMETRY of NaN would spoil the alignment
-    of its position (AP_VisualOdom_MAV.cpp). It also counts as a sign of life of the odometry, without which a
-    vehicle on the ground, whose LiDAR sees too little there, could not be armed.
+    ArduPilot does not use TIMESYNC for odometry, but takes the least delay of the last 100 stamps as none.
+    The estimates alone, each as old as its scan, would all be fused that much late: 0.2 s at 3 m/s err by
+    0.46 m. Stamped at the moment of sending, this message makes that delay the link's. NaN is fused nowhere;
+    an ODOMETRY of NaN would spoil the alignment of its position (AP_VisualOdom_MAV.cpp). It also counts as a
+    sign of life of the odometry, without which a vehicle on the ground, whose LiDAR sees too little there,
+    could not be armed.
     """
     return mavlink.MAVLink_vision_speed_estimate_message(
         max(1, now_ns // 1000), *(math.nan,) * 3, [math.nan] * 9, 0

@@ -1,4 +1,4 @@
-"""Stream of ODOMETRY messages: each estimate of the LiDAR odometry once, and the companion's clock for ArduPilot."""
+"""Stream of ODOMETRY: each estimate of the LiDAR once, and the companion's clock for ArduPilot."""
 
 from __future__ import annotations
 
