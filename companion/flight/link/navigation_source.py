@@ -83,15 +83,15 @@ class NavigationSource:
             self.active = source
             self._failures = 0
             if source == LIDAR:
-                self._texts.append(("SLZ: GPS lost: position from the LiDAR", mavlink.MAV_SEVERITY_WARNING))
+                self._tell("SLZ: GPS lost: position from the LiDAR", mavlink.MAV_SEVERITY_WARNING)
             else:
-                self._texts.append(("SLZ: GPS back: position from GPS", mavlink.MAV_SEVERITY_NOTICE))
+                self._tell("SLZ: GPS back: position from GPS", mavlink.MAV_SEVERITY_NOTICE)
         elif not accepted:
             self._failures += 1
             if self._failures == TRIES_UNTIL_CALL and source == LIDAR:
-                self._texts.append(("SLZ: position source refused: take over", mavlink.MAV_SEVERITY_CRITICAL))
+                self._tell("SLZ: LiDAR position refused: take over", mavlink.MAV_SEVERITY_CRITICAL)
             elif self._failures == TRIES_UNTIL_CALL:
-                self._texts.append(("SLZ: GPS back, but its use was refused", mavlink.MAV_SEVERITY_WARNING))
+                self._tell("SLZ: GPS back, its use refused", mavlink.MAV_SEVERITY_WARNING)
 
     def forget(self) -> None:
         """Begin anew after a reboot of the autopilot, which starts with the first source set."""
@@ -152,7 +152,10 @@ class NavigationSource:
             self._called = False
         elif not self._called and self._passed(self._unhealthy_since_ns, now_ns) > UNHEALTHY_NS:
             self._called = True
-            self._texts.append(("SLZ: no GPS, no LiDAR position: take over", mavlink.MAV_SEVERITY_CRITICAL))
+            self._tell("SLZ: no GPS, no LiDAR position: take over", mavlink.MAV_SEVERITY_CRITICAL)
+
+    def _tell(self, text: str, severity: int) -> None:
+        self._texts.append((text, severity))
 
     @staticmethod
     def _passed(since_ns: int | None, now_ns: int) -> int:

@@ -20,8 +20,12 @@ from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
 from companion.flight.geometry.axes import Floats, rotation_enu_from_frd
 from companion.flight.link.vehicle_state import VehicleState, unit_quaternion
 
-# PX4 fuses a sample at its own time; its buffers hold 0.2 s (EKF2_DELAY_MAX), ArduPilot's about 0.25 s.
-OLDEST_NS = 300_000_000
+# ArduPilot's estimator looks back VISO_DELAY_MS, and no farther, and takes a measurement to be that much
+# older than its stamp. So the stamp is later by this, and the message waits until that time: what would
+# arrive earlier would be used no sooner, but a stamp of the future would spoil its estimate of our clock.
+ARDUPILOT_DELAY_NS = 200_000_000
+# PX4 fuses a sample at its own time and looks back 0.3 s (EKF2_DELAY_MAX).
+OLDEST_NS = {"ardupilot": ARDUPILOT_DELAY_NS + 50_000_000, "px4": 300_000_000}
 # Near +-90 degrees of pitch, roll and yaw are not determined.
 LEAST_COSINE = 0.02
 # Beyond these standard deviations there is no position, m, velocity, m/s, or attitude, rad.
@@ -43,8 +47,8 @@ def odometry_message(
     vehicle
         Its autopilot determines frame and estimator type; there is no message for others.
     estimate
-        None is returned if it is older than 0.3 s, from the future, not finite, if its covariances are not
-        positive definite or too large, or if a position axis is not observed: that axis holds the
+        None is returned before `earliest_ns`, if it is older than `OLDEST_NS`, not finite, if its covariances
+        are not positive definite or too large, or if a position axis is not observed: that axis holds the
         autopilot's own estimate, which would confirm itself.
     origin_enu_m
         The autopilot's local origin in the map frame (3,), m; None while unknown.
@@ -52,7 +56,9 @@ def odometry_message(
         Companion clock.
     """
     known = _FRAME_AND_TYPE.get(vehicle.autopilot)
-    if known is None or origin_enu_m is None or not 0 <= now_ns - estimate.stamp_ns <= OLDEST_NS:
+    if known is None or origin_enu_m is None:
+        return None
+    if not earliest_ns(vehicle, estimate) <= now_ns <= estimate.stamp_ns + OLDEST_NS[vehicle.autopilot]:
         return None
     origin = np.asarray(origin_enu_m, dtype=np.float64)
     numbers = (
@@ -77,7 +83,7 @@ def odometry_message(
         return None
     return _message(
         known,
-        max(1, estimate.stamp_ns // 1000),
+        max(1, earliest_ns(vehicle, estimate) // 1000),
         _NED_FROM_ENU @ (estimate.position_enu_m - origin),
         quaternion,
         frd_from_enu @ estimate.velocity_enu_ms,
@@ -86,6 +92,11 @@ def odometry_message(
         estimate.resets % 256,
         max(1, round(100 * float(estimate.observed.mean()))),
     )
+
+
+def earliest_ns(vehicle: VehicleState, estimate: OdometryEstimate) -> int:
+    """Return the time from which on an estimate may be sent, which is also the message's stamp."""
+    return estimate.stamp_ns + (ARDUPILOT_DELAY_NS if vehicle.autopilot == "ardupilot" else 0)
 
 
 def clock_message(now_ns: int) -> Any:

@@ -29,8 +29,8 @@ from slz import Nearby, Report
 
 HEIGHT_HZ = 10.0
 STATUS_HZ = 1.0
-# Estimates are looked for at this rate, so that none waits long.
-ODOMETRY_LOOK_HZ = 50.0
+# Estimates are looked for at this rate, so that they are sent at their time.
+ODOMETRY_LOOK_HZ = 100.0
 ODOMETRY_HZ = 10.0
 POINTS_EVERY = 3
 CELL_POINTS = 3

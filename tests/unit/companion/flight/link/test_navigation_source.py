@@ -21,7 +21,7 @@ from companion.runtime.event import Event
 MS, S = 1_000_000, 1_000_000_000
 SET = {"VISO_TYPE": 1.0, "EK3_SRC2_POSXY": 6.0}
 LOST, BACK = "GPS lost: position from the LiDAR", "GPS back: position from GPS"
-REFUSED, NOTHING = "position source refused: take over", "no GPS, no LiDAR position: take over"
+REFUSED, NOTHING = "LiDAR position refused: take over", "no GPS, no LiDAR position: take over"
 
 
 class Script:
@@ -78,7 +78,7 @@ def test_a_refusal_is_repeated_each_second_and_told_once() -> None:
     script.accepts = True
     assert script.run(2, lost=True, healthy=True) == [LOST]
     script.accepts = False
-    assert script.run(20, lost=False, healthy=True) == ["GPS back, but its use was refused"]
+    assert script.run(20, lost=False, healthy=True) == ["GPS back, its use refused"]
     assert script.source.active == LIDAR
 
 

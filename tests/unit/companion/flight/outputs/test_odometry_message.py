@@ -18,10 +18,12 @@ from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.outputs.odometry_message import clock_message, odometry_message
 from companion.flight.outputs.odometry_stream import OdometryStream
+from params import required
 from slz.frame import LocalFrame
 
 MS, S = 1_000_000, 1_000_000_000
-NOW = 50 * S
+TAKEN, NOW = 50 * S, 50 * S + 220 * MS
+HELD = {"ardupilot": 200 * MS, "px4": 0}  # ArduPilot: VISO_DELAY_MS
 ORIGIN = np.array([100.0, -20.0, 3.0])
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 VEHICLES = {name: VehicleState(sysid=1, autopilot=name) for name in ("ardupilot", "px4")}
@@ -39,7 +41,7 @@ def spread(size: int, seed: int = 1) -> NDArray[np.float64]:
 def estimate(roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0, **changes: Any) -> OdometryEstimate:
     x, y, z, w = Rotation.from_euler("ZYX", [yaw, pitch, roll]).as_quat()
     made = OdometryEstimate(
-        NOW - 100 * MS,
+        TAKEN,
         ORIGIN + np.array([3.0, 4.0, 20.0]),
         np.array([1.0, 2.0, -0.5]),
         np.array([w, x, y, z]),
@@ -85,7 +87,7 @@ def test_each_autopilot_gets_the_frame_and_the_estimator_type_that_it_reads() ->
 def test_position_is_north_east_down_of_the_autopilot_s_origin(autopilot: str) -> None:
     message = sent(estimate(), autopilot)
     assert (message.x, message.y, message.z) == pytest.approx((4, 3, -20))
-    assert message.time_usec == (NOW - 100 * MS) // 1000
+    assert message.time_usec == (TAKEN + HELD[autopilot]) // 1000
 
 
 @AUTOPILOTS
@@ -146,10 +148,20 @@ def test_the_covariance_of_roll_pitch_and_yaw_is_that_of_many_turned_vehicles(
 # ---- refusals -------------------------------------------------------------------------------------------
 
 
-@AUTOPILOTS
-def test_an_old_estimate_and_one_of_the_future_are_not_sent(autopilot: str) -> None:
-    for age_ns, goes in ((0, True), (300 * MS, True), (300 * MS + 1, False), (-1, False)):
-        assert (sent(estimate(stamp_ns=NOW - age_ns), autopilot) is not None) == goes
+def test_the_delay_that_ardupilot_subtracts_is_that_of_its_parameter_file() -> None:
+    rows = {row.name: row for row in required("ardupilot", odometry=True)}
+    assert rows["VISO_DELAY_MS"].value * MS == HELD["ardupilot"]
+    assert (rows["VISO_DELAY_MS"].level, rows["VISO_DELAY_MS"].accepted) == ("needed", ())
+
+
+@pytest.mark.parametrize(("autopilot", "first", "last"), [("ardupilot", 200, 250), ("px4", 0, 300)])
+def test_an_old_estimate_and_one_that_comes_too_early_are_not_sent(
+    autopilot: str, first: int, last: int
+) -> None:
+    for age_ns, goes in (
+        (first * MS - 1, False), (first * MS, True), (last * MS, True), (last * MS + 1, False),
+    ):  # fmt: skip
+        assert (sent(estimate(), autopilot, TAKEN + age_ns) is not None) == goes
 
 
 @AUTOPILOTS
@@ -218,31 +230,45 @@ def kinds(messages: list[Any]) -> list[str]:
 
 
 @AUTOPILOTS
-def test_each_estimate_is_sent_once_and_thirty_a_second_at_most(autopilot: str) -> None:
-    stream, vehicle, times = OdometryStream(), flying(autopilot), []
-    for step in range(500):  # estimates each 10 ms, looked for each 2 ms
+def test_each_estimate_is_sent_once_at_its_time_and_thirty_a_second_at_most(autopilot: str) -> None:
+    stream, vehicle, ages, times = OdometryStream(), flying(autopilot), [], []
+    for step in range(600):  # estimates of 10 ms, looked for each 2 ms, 50 ms old
         now = NOW + 2 * step * MS
-        made = estimate(stamp_ns=now - now % (10 * MS), position_enu_m=np.array([1.0, 2.0, 3.0]))
+        taken = now - now % (10 * MS) - 50 * MS
+        made = estimate(stamp_ns=taken, position_enu_m=np.array([1.0, 2.0, 3.0]))
         for message in stream.due(vehicle, made, FRAME, now):
             if message.get_type() == "ODOMETRY":
                 times.append(message.time_usec)
+                ages.append(now - 1000 * message.time_usec + HELD[autopilot])
                 assert (message.x, message.y, message.z) == pytest.approx((2, 1, -3), abs=1e-6)
-    assert len(times) == len(set(times)) == 25
-    assert stream.due(vehicle, estimate(stamp_ns=NOW - 200 * MS), FRAME, NOW) == [], "an older one"
+    assert len(times) == len(set(times)) == (27 if autopilot == "ardupilot" else 30)
+    assert np.diff(times).min() >= 33_000
+    assert set(ages) == ({200 * MS} if autopilot == "ardupilot" else {50 * MS})
 
 
-def test_an_estimate_that_is_refused_now_can_be_sent_later() -> None:
+def test_an_estimate_older_than_the_last_is_not_sent() -> None:
     stream = OdometryStream()
-    assert stream.due(VehicleState(autopilot="px4"), estimate(), FRAME, NOW) == []  # its origin is not known
-    assert stream.due(flying("px4"), estimate(), None, NOW) == []
-    assert kinds(stream.due(flying("px4"), estimate(), FRAME, NOW)) == ["ODOMETRY"]
+    assert len(stream.due(flying("px4"), estimate(stamp_ns=NOW), FRAME, NOW)) == 1
+    assert stream.due(flying("px4"), estimate(stamp_ns=NOW - 100 * MS), FRAME, NOW) == []
+
+
+def test_an_estimate_that_waited_too_long_is_not_sent() -> None:
+    stream, vehicle = OdometryStream(), flying("ardupilot")
+    assert stream.due(vehicle, estimate(), FRAME, TAKEN + 100 * MS) == []
+    assert stream.due(vehicle, None, FRAME, TAKEN + 251 * MS) == []
+
+
+def test_nothing_is_sent_without_a_map_frame_or_a_local_origin() -> None:
+    assert OdometryStream().due(flying("px4"), estimate(), None, NOW) == []
+    assert OdometryStream().due(VehicleState(autopilot="px4"), estimate(), FRAME, NOW) == []
+    assert kinds(OdometryStream().due(flying("px4"), estimate(), FRAME, NOW)) == ["ODOMETRY"]
 
 
 def test_ardupilot_is_shown_the_clock_with_estimates_once_a_second_and_on_the_ground_ten_times() -> None:
     for armed, made, count in ((True, True, 2), (True, False, 0), (False, False, 20), (False, True, 20)):
         stream, clocks = OdometryStream(), 0
         for step in range(100):
-            now = NOW + 20 * step * MS
+            now = TAKEN + 20 * step * MS
             given_estimate = estimate(stamp_ns=now - now % (100 * MS)) if made else None
             due = stream.due(flying("ardupilot", armed), given_estimate, FRAME, now)
             shown = [m for m in due if m.get_type() == "VISION_SPEED_ESTIMATE"]

@@ -381,7 +381,7 @@ def test_the_lidar_odometry_is_sent_if_the_autopilot_shall_use_it(
     assert flight.link.sent == []
     for _ in range(3):
         flight.moves(100 * MS)
-        at_ns, here = flight.now_ns - 50 * MS, np.array([1.0, 2.0, 10.0])
+        at_ns, here = flight.now_ns - 200 * MS, np.array([1.0, 2.0, 10.0])
         quat = np.array(flight.quat_wxyz)
         newest.append(
             OdometryEstimate(
