@@ -18,11 +18,11 @@ from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.flight.mapping.wire_points import wire_points_enu_m
 from companion.flight.outputs.cadence import Cadence
 from companion.flight.outputs.distance_sensor import downward_distance
+from companion.flight.outputs.external_position.odometry_stream import OdometryStream
 from companion.flight.outputs.landing_status import Status, status_messages
 from companion.flight.outputs.landing_target import landing_target
 from companion.flight.outputs.obstacle_distance import obstacle_distance
 from companion.flight.outputs.obstacle_points import obstacle_points
-from companion.flight.outputs.odometry_stream import OdometryStream
 from companion.runtime.clock import now_ns
 from params import Parameters
 from slz import Nearby, Report

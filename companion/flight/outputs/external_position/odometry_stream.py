@@ -7,8 +7,12 @@ from typing import Any
 
 from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
 from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.outputs.external_position.odometry_message import (
+    clock_message,
+    earliest_ns,
+    odometry_message,
+)
 from companion.flight.outputs.landing_target import local_origin_enu_m
-from companion.flight.outputs.odometry_message import clock_message, earliest_ns, odometry_message
 from slz.frame import LocalFrame
 
 # Both autopilots drop a sample that follows another too closely, ArduPilot in 20 ms (extNavIntervalMin_ms).

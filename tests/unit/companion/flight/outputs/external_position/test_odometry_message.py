@@ -16,8 +16,8 @@ from scipy.spatial.transform import Rotation
 
 from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
 from companion.flight.link.vehicle_state import VehicleState
-from companion.flight.outputs.odometry_message import clock_message, odometry_message
-from companion.flight.outputs.odometry_stream import OdometryStream
+from companion.flight.outputs.external_position.odometry_message import clock_message, odometry_message
+from companion.flight.outputs.external_position.odometry_stream import OdometryStream
 from params import required
 from slz.frame import LocalFrame
 
