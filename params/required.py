@@ -4,7 +4,8 @@
 VALUE type`` separated by tabs. The comment lines before a parameter give the reason. ``#: accept A B`` or
 ``#: accept LOW..HIGH`` lists other valid values, ``#: wanted`` marks a recommendation, ``#: critical`` a
 parameter without which an automatic landing is refused, ``#: optional`` a parameter that some versions do not
-have. A line that begins with ``#?`` is optional, too, and ignored by ground stations.
+have. A line that begins with ``#?`` is optional, too, and ignored by ground stations. The files
+`autopilot/arducopter_odometry.parm` and `autopilot/px4_odometry.params` hold what the LiDAR odometry adds.
 """
 
 from __future__ import annotations
@@ -16,6 +17,8 @@ from importlib import resources
 from typing import Literal
 
 FILES: dict[str, str] = {"ardupilot": "arducopter.parm", "px4": "px4.params"}
+# What the LiDAR odometry needs besides, where it is sent to the autopilot.
+ODOMETRY_FILES: dict[str, str] = {"ardupilot": "arducopter_odometry.parm", "px4": "px4_odometry.params"}
 # Values pass through 32-bit floats on the link.
 TOLERANCE = 1e-5
 RULES = ("accept", "wanted", "critical", "optional")
@@ -65,12 +68,21 @@ class Required:
         return (value for value in self.accepted if not isinstance(value, tuple))
 
 
-def required(autopilot: str) -> tuple[Required, ...]:
-    """Return the required parameters of an autopilot ('ardupilot' or 'px4'); empty for an unknown one."""
+def required(autopilot: str, odometry: bool = False) -> tuple[Required, ...]:
+    """Return the required parameters of an autopilot ('ardupilot' or 'px4'); empty for an unknown one.
+
+    odometry: whether the LiDAR odometry is sent to the autopilot; its file then wins over the general one.
+    """
     if autopilot not in FILES:
         return ()
-    text = resources.files("params").joinpath(f"autopilot/{FILES[autopilot]}").read_text("utf-8")
-    return parse(text)
+    rows = {row.name: row for row in _file(FILES[autopilot])}
+    if odometry:
+        rows |= {row.name: row for row in _file(ODOMETRY_FILES[autopilot])}
+    return tuple(rows.values())
+
+
+def _file(name: str) -> tuple[Required, ...]:
+    return parse(resources.files("params").joinpath(f"autopilot/{name}").read_text("utf-8"))
 
 
 def parse(text: str) -> tuple[Required, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from companion.flight.doctor.finding import Finding
@@ -35,6 +35,8 @@ class Fitness:
     ----------
     auto
         Whether the executive lands without an order.
+    odometry
+        Whether the LiDAR odometry is sent to the autopilot, so that its parameters are checked too.
 
     Attributes
     ----------
@@ -42,8 +44,9 @@ class Fitness:
         Wrong parameters of the last reading, critical ones first.
     """
 
-    def __init__(self, auto: bool = False) -> None:
+    def __init__(self, auto: bool = False, odometry: Callable[[], bool] = lambda: False) -> None:
         self._auto = auto
+        self._odometry = odometry
         self._rows: tuple[Required, ...] = ()
         self._reader: ParameterReader | None = None
         self._read = False  # all read or tried often enough: `faults` is up to date
@@ -63,6 +66,11 @@ class Fitness:
         return bool(self._rows) and not self._critical()
 
     @property
+    def values(self) -> Mapping[str, float]:
+        """Parameters of the newest reading, by name, as far as they have arrived."""
+        return {} if self._reader is None else self._reader.values
+
+    @property
     def texts(self) -> tuple[str, ...]:
         """Short texts of the faults; empty during the first reading."""
         return tuple(_said(fault) for fault in self.faults)
@@ -77,7 +85,7 @@ class Fitness:
 
     def _critical(self) -> list[str]:
         """Return the names of critical parameters that are wrong or unread."""
-        values = {} if self._reader is None else self._reader.values
+        values = self.values
         return [
             row.name
             for row in self._rows
@@ -147,13 +155,13 @@ class Fitness:
         return any(new and not old for new, old in zip(steps, before[1], strict=True))
 
     def _begin(self, vehicle: VehicleState) -> None:
-        self._rows = tuple(sorted(required(vehicle.autopilot), key=lambda row: row.optional))
+        rows = required(vehicle.autopilot, self._odometry())
+        self._rows = tuple(sorted(rows, key=lambda row: row.optional))
         self._reader = ParameterReader(self._rows, vehicle.autopilot)
         self._read = False
 
     def _unread(self) -> bool:
-        values = {} if self._reader is None else self._reader.values
-        return any(row.critical and row.name not in values for row in self._rows)
+        return any(row.critical and row.name not in self.values for row in self._rows)
 
     def _judge(self) -> None:
         if self._reader is None:

@@ -93,7 +93,8 @@ class Examination:
         return [*findings, *machine_findings(self.parameters, self.late_ms)]
 
     def _link(self, link: Link) -> list[Finding]:
-        streams = expected(link.vehicle.autopilot, self.parameters.pose_rate_hz)
+        p = self.parameters
+        streams = expected(link.vehicle.autopilot, p.pose_rate_hz, odometry=p.odometry == "autopilot")
         others = neighbour_findings(link.identity)
         if others and link.vehicle.sysid is None:
             return others
@@ -121,7 +122,7 @@ class Examination:
 
     async def _parameters(self, link: Link) -> list[Finding]:
         vehicle = link.vehicle
-        rows = required(vehicle.autopilot)
+        rows = required(vehicle.autopilot, self.parameters.odometry == "autopilot")
         if vehicle.sysid is None:
             return [Finding("parameters", "skipped", "no autopilot to ask")]
         reader = ParameterReader(rows, vehicle.autopilot)

@@ -421,7 +421,10 @@ class Link:
 
     def _heard(self) -> None:
         if not self.connected:
-            self._streams.want(wanted(self.vehicle.autopilot, self._parameters.pose_rate_hz))
+            p = self._parameters
+            self._streams.want(
+                wanted(self.vehicle.autopilot, p.pose_rate_hz, odometry=p.odometry == "autopilot")
+            )
             self._set_connected(True)
             missed = [] if self._stop is None else self._unheard.to_resend(self._silent_since_ns, now_ns())
             for text, severity in missed:

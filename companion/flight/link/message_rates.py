@@ -46,8 +46,11 @@ class Stream:
         return round(1e6 / self.rate_hz)
 
 
-def wanted(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
-    """Return the streams to request from an autopilot, the most needed first."""
+def wanted(autopilot: Autopilot, pose_rate_hz: float, odometry: bool = False) -> tuple[Stream, ...]:
+    """Return the streams to request from an autopilot, the most needed first.
+
+    odometry: whether the LiDAR odometry is sent to it, relative to its local origin.
+    """
     px4 = autopilot == "px4"
     streams = [
         Stream("ATTITUDE_QUATERNION", mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, pose_rate_hz),
@@ -59,7 +62,7 @@ def wanted(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
         Stream("SYS_STATUS", mavlink.MAVLINK_MSG_ID_SYS_STATUS, 1.0),
         Stream("BATTERY_STATUS", mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, 1.0),
     ]
-    if px4:  # its landing target uses its local frame
+    if px4 or odometry:  # PX4's landing target and the odometry use its local frame
         streams.insert(3, Stream("LOCAL_POSITION_NED", mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0))
     return (*streams, *_health(autopilot))
 
@@ -83,9 +86,9 @@ def _health(autopilot: Autopilot) -> tuple[Stream, ...]:
     )
 
 
-def expected(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
+def expected(autopilot: Autopilot, pose_rate_hz: float, odometry: bool = False) -> tuple[Stream, ...]:
     """Return the streams that should arrive: the requested ones, and PX4's heartbeat of fixed rate."""
-    asked = wanted(autopilot, pose_rate_hz)
+    asked = wanted(autopilot, pose_rate_hz, odometry)
     if any(stream.name == _MODE.name for stream in asked):
         return asked
     return (*asked, Stream("HEARTBEAT", mavlink.MAVLINK_MSG_ID_HEARTBEAT, PX4_HEARTBEAT_HZ))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.axes import Floats, level_frd_m
 from companion.flight.geometry.pose import Pose
@@ -17,6 +18,7 @@ from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.flight.mapping.wire_points import wire_points_enu_m
 from companion.flight.outputs.cadence import Cadence
 from companion.flight.outputs.distance_sensor import downward_distance
+from companion.flight.outputs.external_position.odometry_stream import OdometryStream
 from companion.flight.outputs.landing_status import Status, status_messages
 from companion.flight.outputs.landing_target import landing_target
 from companion.flight.outputs.obstacle_distance import obstacle_distance
@@ -27,6 +29,9 @@ from slz import Nearby, Report
 
 HEIGHT_HZ = 10.0
 STATUS_HZ = 1.0
+# Estimates are looked for at this rate, so that they are sent at their time.
+ODOMETRY_LOOK_HZ = 100.0
+ODOMETRY_HZ = 10.0
 POINTS_EVERY = 3
 CELL_POINTS = 3
 FARTHEST_M = 50.0
@@ -42,6 +47,8 @@ class MessageSchedule:
     ranges
         Whether to send ranges and obstacles: False if the LiDAR's data come through the autopilot, which
         forwards what it receives, so that the map would confirm itself.
+    odometry
+        Newest estimate of the LiDAR odometry, None without one; sent if `parameters.odometry` is "autopilot".
 
     Attributes
     ----------
@@ -61,6 +68,7 @@ class MessageSchedule:
         parameters: Parameters,
         status: Callable[[], Status],
         ranges: bool = True,
+        odometry: Callable[[], OdometryEstimate | None] = lambda: None,
     ) -> None:
         self._link = link
         self._history = history
@@ -68,6 +76,8 @@ class MessageSchedule:
         self._parameters = parameters
         self._status = status
         self._ranges = ranges
+        self._odometry = odometry
+        self._odometry_stream = OdometryStream()
         self._batch_ms = 0
         self._turn = 0
         self.target_enu_m: Floats | None = None
@@ -79,6 +89,7 @@ class MessageSchedule:
             "OBSTACLE_DISTANCE": Cadence(parameters.obstacle_hz),
             "OBSTACLE_DISTANCE_3D": Cadence(None),
             "DISTANCE_SENSOR": Cadence(HEIGHT_HZ),
+            "ODOMETRY": Cadence(ODOMETRY_HZ),
         }
 
     def use_report(self, report: Report) -> None:
@@ -99,6 +110,7 @@ class MessageSchedule:
                 ("obstacles", lambda: p.obstacle_hz, self.send_obstacles),
                 ("height", lambda: HEIGHT_HZ, self.send_height),
                 ("status", lambda: STATUS_HZ, self.send_status),
+                ("odometry", lambda: ODOMETRY_LOOK_HZ, self.send_odometry),
             ):
                 group.create_task(_every(hz, send), name=name)
 
@@ -198,6 +210,17 @@ class MessageSchedule:
         """Send the landing status to ground stations."""
         for message in status_messages(self._status(), self._boot_ms()):
             self._link.send(message)
+
+    def send_odometry(self) -> None:
+        """Send each estimate of the LiDAR odometry once, if it shall aid the autopilot."""
+        if self._parameters.odometry != "autopilot":
+            return
+        due = self._odometry_stream.due(self._link.vehicle, self._odometry(), self._history.frame, now_ns())
+        for message in due:
+            if message.get_type() == "ODOMETRY":
+                self._send("ODOMETRY", message)
+            else:
+                self._link.send(message)
 
     # ---- parts ----------------------------------------------------------------------------------
 

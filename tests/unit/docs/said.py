@@ -47,6 +47,7 @@ SOURCES = (
     "companion/flight/landing/interruptions/preconditions.py",
     "companion/flight/landing/landing_point_announcer.py",
     "companion/flight/link/link.py",
+    "companion/flight/link/navigation_source.py",
     "companion/flight/services/parameter_server.py",
 )
 # Where the text stands among a call's arguments.
@@ -57,6 +58,7 @@ SAYS = {
     "say": 1,
     "_say": 1,
     "call": 0,
+    "_tell": 0,
     "_wait_for": 1,
     "break_off": 0,
     "statustext": 0,

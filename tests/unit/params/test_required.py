@@ -9,13 +9,14 @@ from params import Required, required
 from params.required import FILES, parse
 
 
-def by_name(autopilot: str) -> dict[str, Required]:
-    return {row.name: row for row in required(autopilot)}
+def by_name(autopilot: str, odometry: bool = False) -> dict[str, Required]:
+    return {row.name: row for row in required(autopilot, odometry)}
 
 
+@pytest.mark.parametrize("odometry", [False, True])
 @pytest.mark.parametrize("autopilot", sorted(FILES))
-def test_every_parameter_says_why_and_satisfies_its_own_rule(autopilot: str) -> None:
-    rows = required(autopilot)
+def test_every_parameter_says_why_and_satisfies_its_own_rule(autopilot: str, odometry: bool) -> None:
+    rows = required(autopilot, odometry)
     assert len(rows) >= 8
     for row in rows:
         assert row.why.endswith("."), row.name
@@ -43,15 +44,17 @@ def test_ranges_and_choices_are_inclusive() -> None:
 
 def test_mavproxy_reads_the_same_values(capsys: pytest.CaptureFixture[str]) -> None:
     read = mavparm.MAVParmDict()
-    file = resources.files("params").joinpath("autopilot/arducopter.parm")
-    with resources.as_file(file) as path:
-        assert read.load(str(path))
-    assert "Invalid" not in capsys.readouterr().out
-    assert dict(read) == {row.name: row.value for row in required("ardupilot") if row.loaded}
+    for name, odometry in (("arducopter.parm", False), ("arducopter_odometry.parm", True)):
+        with resources.as_file(resources.files("params").joinpath(f"autopilot/{name}")) as path:
+            assert read.load(str(path))
+        assert "Invalid" not in capsys.readouterr().out
+        loaded = {row.name: row.value for row in required("ardupilot", odometry) if row.loaded}
+        assert dict(read) == loaded
 
 
-def test_qgroundcontrol_s_columns_are_five_between_tabs() -> None:
-    text = resources.files("params").joinpath("autopilot/px4.params").read_text("utf-8")
+@pytest.mark.parametrize("name", ["px4.params", "px4_odometry.params"])
+def test_qgroundcontrol_s_columns_are_five_between_tabs(name: str) -> None:
+    text = resources.files("params").joinpath(f"autopilot/{name}").read_text("utf-8")
     lines = [line for line in text.splitlines() if line and not line.startswith("#")]
     for line in lines:
         vehicle, component, name, value, kind = line.split("\t")
@@ -66,14 +69,34 @@ def test_what_some_versions_do_not_have_is_optional_and_what_others_replace_is_n
     old = ardupilot["RNGFND1_MAX_CM"]  # up to 4.6
     assert (old.optional, old.loaded, old.value) == (True, False, 100 * ardupilot["RNGFND1_MAX"].value)
     assert {name for name, row in px4.items() if not row.loaded} == {
-        "COM_RC_OVERRIDE", "MAN_OVERRIDE_SPD", "EAV_EN",
+        "COM_RC_OVERRIDE", "MAN_OVERRIDE_SPD", "EAV_EN", "EKF2_EV_CTRL",
     }  # fmt: skip
     assert not any(row.critical and row.optional for row in (*ardupilot.values(), *px4.values()))
     assert [px4["RTL_TYPE"].accepts(value) for value in (5, 2)] == [True, False]
 
 
+def test_the_odometry_s_file_wins_where_both_name_a_parameter() -> None:
+    for autopilot, name, without, with_it in (
+        ("ardupilot", "VISO_TYPE", 0.0, 1.0),
+        ("px4", "EKF2_EV_CTRL", 0.0, 7.0),
+    ):
+        off, on = by_name(autopilot)[name], by_name(autopilot, odometry=True)[name]
+        assert (off.value, off.level, off.loaded) == (without, "wanted", False)
+        assert (on.value, on.level, on.loaded) == (with_it, "needed", True)
+        assert not off.accepts(with_it)
+        assert not on.accepts(without)
+        assert set(by_name(autopilot)) < set(by_name(autopilot, odometry=True))
+
+
+def test_gps_stays_the_first_source_and_the_heading_that_of_the_compass() -> None:
+    ardupilot, px4 = by_name("ardupilot", odometry=True), by_name("px4", odometry=True)
+    assert [ardupilot[f"EK3_SRC{n}_POSXY"].value for n in (1, 2)] == [3, 6]
+    assert (ardupilot["EK3_SRC2_VELXY"].value, ardupilot["EK3_SRC2_YAW"].value) == (6, 1)
+    assert [px4["EKF2_EV_CTRL"].accepts(value) for value in (5, 7, 8, 15)] == [True, True, False, False]
+
+
 def test_an_autopilot_that_is_not_known_needs_nothing() -> None:
-    assert required("other") == ()
+    assert required("other") == required("other", odometry=True) == ()
 
 
 @pytest.mark.parametrize(

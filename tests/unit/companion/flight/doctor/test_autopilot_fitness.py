@@ -23,10 +23,14 @@ GUIDED = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}
 class Script:
     """A vehicle that answers requests, as far as it is told to, and what the pilot is told."""
 
-    def __init__(self, autopilot: Autopilot, auto: bool = True, **values: float) -> None:
-        self.fitness = Fitness(auto)
+    def __init__(
+        self, autopilot: Autopilot, auto: bool = True, odometry: bool = False, **values: float
+    ) -> None:
+        self.odometry = odometry
+        self.fitness = Fitness(auto, lambda: self.odometry)
         self.vehicle = VehicleState(sysid=1, autopilot=autopilot, mode="LOITER")
-        self.values = {row.name: row.value for row in required(autopilot) if not row.optional} | values
+        rows = required(autopilot, odometry)
+        self.values = {row.name: row.value for row in rows if not row.optional} | values
         self.lost: set[str] = set()
         self.missing: set[str] = set()
         self.connected, self.flying = True, False
@@ -62,7 +66,7 @@ class Script:
             self.fitness.on_parameter_message(self._value(name))
 
     def _value(self, name: str) -> Any:
-        rows = {row.name: row for row in required(self.vehicle.autopilot)}
+        rows = {row.name: row for row in required(self.vehicle.autopilot, self.odometry)}
         value, kind = self.values[name], mavlink.MAV_PARAM_TYPE_REAL32
         if rows[name].integer:
             value, kind = struct.unpack("<f", struct.pack("<i", int(value)))[0], mavlink.MAV_PARAM_TYPE_INT32
@@ -227,3 +231,25 @@ def names(rows: Iterable[Any]) -> set[str]:
 def test_what_makes_a_fall_of_the_companion_dangerous_is_critical() -> None:
     assert names(required("px4")) == {"COM_OBL_RC_ACT", "COM_OF_LOSS_T"}
     assert names(required("ardupilot")) == {"PLND_ENABLED", "PLND_TYPE", "PLND_STRICT", "GUID_TIMEOUT"}
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "name", "value", "said"),
+    [
+        ("ardupilot", "VISO_TYPE", 0.0, "VISO_TYPE is 0, needs 1"),
+        ("ardupilot", "EK3_SRC2_POSXY", 3.0, "EK3_SRC2_POSXY is 3, needs 6"),
+        ("px4", "EKF2_EV_CTRL", 0.0, "EKF2_EV_CTRL is 0, needs 5 or 7"),
+    ],
+)
+def test_what_the_odometry_needs_is_checked_only_while_it_is_sent(
+    autopilot: Autopilot, name: str, value: float, said: str
+) -> None:
+    with_it = Script(autopilot, odometry=True, **{name: value})
+    assert with_it.run(5) == [said]
+    assert with_it.fitness.fit, "the vehicle lands without it as well"
+    assert with_it.fitness.values[name] == value
+    without = Script(autopilot, **{name: value})
+    assert without.run(5) == []
+    without.odometry = True
+    without.values = {row.name: row.value for row in required(autopilot, True)} | {name: value}
+    assert without.hand_over() == [said]

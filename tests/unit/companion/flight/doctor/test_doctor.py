@@ -202,6 +202,20 @@ def test_parameters_are_judged_by_the_file(values: dict[str, float], expected: d
     assert healthy(findings) == ("fail" not in expected.values())
 
 
+@pytest.mark.parametrize(
+    ("autopilot", "name", "value"), [("ardupilot", "VISO_TYPE", 1.0), ("px4", "EKF2_EV_CTRL", 7.0)]
+)
+def test_an_autopilot_that_waits_for_an_odometry_that_is_not_sent_is_a_warning(
+    autopilot: str, name: str, value: float
+) -> None:
+    for odometry, state in ((False, "warn"), (True, "ok")):
+        rows = tuple(row for row in required(autopilot, odometry) if row.name == name)
+        (finding,) = parameter_findings(rows, {name: value})
+        assert finding.state == state
+        assert ("SLZ_ODOMETRY" in finding.remedy) == (state == "warn")
+    assert parameter_findings(rows[:0], {}) == []
+
+
 # ---- LiDAR, computer -----------------------------------------------------------------------------------
 
 SMALL = {"zone_m": 60.0, "adaptive": "off"}

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import pytest
 
+from companion.flight.link.flight_modes import Autopilot
 from companion.flight.link.message_rates import StreamKeeper, expected, wanted
 
 MS, S = 1_000_000, 1_000_000_000
@@ -138,3 +141,13 @@ def test_a_stream_that_is_not_needed_and_refused_is_not_asked_for_again_until_a_
 
 def test_intervals_are_in_microseconds() -> None:
     assert [s.interval_us for s in wanted("ardupilot", 50.0)][:3] == [20_000, 20_000, 200_000]
+
+
+def test_the_local_position_is_asked_for_where_something_is_sent_in_its_frame() -> None:
+    def asks(autopilot: str, odometry: bool) -> bool:
+        streams = expected(cast(Autopilot, autopilot), 50.0, odometry)
+        return "LOCAL_POSITION_NED" in {stream.name for stream in streams}
+
+    assert [asks(name, sent) for name in ("ardupilot", "px4") for sent in (False, True)] == [
+        False, True, True, True,
+    ]  # fmt: skip

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.landing.look_ahead import LEVEL_M, limit_velocity
 from companion.flight.link.flight_modes import Autopilot
@@ -360,3 +361,37 @@ def test_a_rate_that_is_set_in_flight_holds_from_the_next_message_on(flight: Fli
     assert np.median(periods[:20]) == pytest.approx(1 / 12, abs=0.005)
     assert np.median(periods[-6:]) == pytest.approx(0.5, abs=0.005)
     assert len(sent) == pytest.approx(2 * 12 + 4 * 2, abs=3)
+
+
+@pytest.mark.parametrize(("odometry", "sends"), [("autopilot", True), ("map", False), ("off", False)])
+def test_the_lidar_odometry_is_sent_if_the_autopilot_shall_use_it(
+    flight: Flight, odometry: str, sends: bool
+) -> None:
+    newest: list[OdometryEstimate] = []
+    flight.streams = MessageSchedule(
+        cast(Link, flight.link),
+        flight.history,
+        flight.memory,
+        Parameters(odometry=odometry),
+        lambda: STATUS,
+        odometry=lambda: newest[-1] if newest else None,
+    )
+    flight.link.vehicle = replace(flight.link.vehicle, armed=True)
+    flight.streams.send_odometry()
+    assert flight.link.sent == []
+    for _ in range(3):
+        flight.moves(100 * MS)
+        at_ns, here = flight.now_ns - 200 * MS, np.array([1.0, 2.0, 10.0])
+        quat = np.array(flight.quat_wxyz)
+        newest.append(
+            OdometryEstimate(
+                at_ns, here, np.zeros(3), quat, 1e-4 * np.eye(6), 1e-4 * np.eye(3), np.ones(6, np.bool_), 0
+            )
+        )
+        flight.streams.send_odometry()
+        flight.streams.send_odometry()
+    told = flight.link.of("ODOMETRY")
+    assert len(told) == (3 if sends else 0)
+    assert flight.streams.statistics()["ODOMETRY"]["count"] == len(told)
+    for message in told:
+        assert (message.x, message.y, message.z) == pytest.approx((2, 1, -10), abs=1e-3)

@@ -1,0 +1,1 @@
+"""Position of the LiDAR odometry for the autopilot's estimator."""
