@@ -26,6 +26,7 @@ from companion.flight.landing.operator_order import OrderDesk
 from companion.flight.landing.restart import Restart
 from companion.flight.landing.situation import COMMANDING, Severity, Situation
 from companion.flight.link.link import Link
+from companion.flight.link.navigation_source import NavigationSource
 from companion.flight.link.wire.signing import Signing
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mapping.point_watch import PointWatch
@@ -44,7 +45,7 @@ from companion.flight.services.vehicle_memory import identity_from, remember_veh
 from companion.flight.situation_source import SituationSource
 from companion.flight.status_source import landing_status
 from companion.runtime.allocator import keep_memory
-from companion.runtime.clock import WallOffset
+from companion.runtime.clock import WallOffset, now_ns
 from companion.runtime.event import Event
 from companion.runtime.named_tasks import Stopped, run_together
 from companion.runtime.ring_buffer import RingBuffer
@@ -118,7 +119,8 @@ class Companion:
         self.wind = WindEstimate(parameters.drag_per_s)
         self.wind.follow(self.link)
         self.executive = Executive(parameters, auto)
-        self.fitness = Fitness(auto)
+        self._aids_autopilot = parameters.odometry == "autopilot"
+        self.fitness = Fitness(auto, lambda: self._aids_autopilot)
         self.specks = SpeckDetector()
         self.obstacles = RecentObstacles(self.specks)
         self.watch = PointWatch(math.radians(parameters.angle_noise_deg))
@@ -166,6 +168,7 @@ class Companion:
         self.streams = MessageSchedule(
             self.link, self.history, self.obstacles, parameters,
             lambda: landing_status(self, self.situations.report_now()), ranges=ranges,
+            odometry=lambda: None if self.odometry is None else self.odometry.estimate,
         )  # fmt: skip
         self.feed.on_new_map.subscribe(self.streams.forget)
         self.modes = ModeRequests(self.link, self.executive)
@@ -230,6 +233,10 @@ class Companion:
             "ready": self._get_ready(),
             "stopper": self._wait_for_stop(),
         }
+        if self._aids_autopilot:
+            parts["source"] = NavigationSource().run(
+                self.link, self._is_tracking, lambda: self.fitness.values
+            )
         if self.radar is not None:
             parts["radar"] = self.radar.run()
         if self.page is not None:
@@ -247,6 +254,9 @@ class Companion:
             self.summary = flight_summary(self)
         if failed is not None:
             raise failed from None
+
+    def _is_tracking(self) -> bool:
+        return self.odometry is not None and self.odometry.is_tracking(now_ns())
 
     def stop(self) -> None:
         """End `run`, after telling whoever listens."""
