@@ -103,6 +103,7 @@ class Commands:
             "OBSTACLE_DISTANCE_3D": self._obstacle_distance_3d,
             "ODOMETRY": self._odometry,
             "VISION_POSITION_ESTIMATE": self._vision_position,
+            "VISION_SPEED_ESTIMATE": self._vision_speed,
             "TIMESYNC": self._timesync,
             "HEARTBEAT": self._heartbeat,
             "RC_CHANNELS_OVERRIDE": self._override,
@@ -330,6 +331,9 @@ class Commands:
 
     def _vision_position(self, message: Any, _link: int) -> None:
         self._ap.aiding.external.on_vision_position(message, self._ap.now_ns)
+
+    def _vision_speed(self, message: Any, _link: int) -> None:
+        self._ap.aiding.external.on_vision_speed(message, self._ap.now_ns)
 
     def _timesync(self, message: Any, link: int) -> None:
         if message.tc1 == 0:

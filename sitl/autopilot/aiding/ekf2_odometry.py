@@ -94,6 +94,9 @@ class Ekf2Odometry:
             to_euler(attitude)[2] if known else None,
         )
 
+    def on_vision_speed(self, message: Any, now_ns: int) -> None:
+        """Ignore a VISION_SPEED_ESTIMATE, which PX4 does not know."""
+
     def on_vision_position(self, message: Any, now_ns: int) -> None:
         """Process a VISION_POSITION_ESTIMATE, north-east-down."""
         position = np.array([message.y, message.x, -message.z], np.float64)

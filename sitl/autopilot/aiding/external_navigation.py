@@ -94,7 +94,7 @@ class ExternalNavigation:
         return self._enabled
 
     def is_healthy(self, now_ns: int) -> bool:
-        """Return whether a pose arrived within the last 0.3 s, whatever its quality."""
+        """Return whether a message arrived within the last 0.3 s, whatever its quality."""
         return self._heard_ns is not None and now_ns - self._heard_ns < HEALTHY_NS
 
     def on_odometry(self, message: Any, now_ns: int) -> None:
@@ -120,6 +120,15 @@ class ExternalNavigation:
         """Process a VISION_POSITION_ESTIMATE, which has no frame and no quality."""
         yaw = float(message.yaw) if math.isfinite(message.yaw) else None
         self._add(message, message.usec, message.covariance, now_ns, None, yaw, quality=0)
+
+    def on_vision_speed(self, message: Any, now_ns: int) -> None:
+        """Process a VISION_SPEED_ESTIMATE: its stamp shows the sender's clock, and it is a sign of life.
+
+        Its velocity is not modelled.
+        """
+        if self._enabled:
+            self._jitter.local_ns(int(message.usec) * 1000, now_ns)
+            self._heard_ns = now_ns
 
     def drain(self, filter_enu_m: F64 | None) -> list[ExternalPose]:
         """Return the poses since the last call, aligned to the filter's position if one is given."""
