@@ -16,9 +16,11 @@ YAW_RAD_SQRT_S, AWAY_M_SQRT_S, UP_M_SQRT_S = np.radians(0.1), 0.04, 0.06
 # Errors that all points of a scan share: each counts as this share of an independent one.
 SHARED = 10.0
 # An axis is observed if one scan tells it this surely.
-SURE_M, SURE_RAD = 0.1, np.radians(0.3)
-FEWEST_STEEP = 30  # points at steep planes, below which they may be those of a bush
+SURE_M, SURE_RAD = 0.2, np.radians(0.3)
+FEWEST_STEEP = 40  # points at steep planes, below which they may be those of a bush
 SURE_UP_M = 0.02
+# The last scans together say which axes are determined: a Livox looks in another direction with each.
+SCANS = 10.0
 
 
 class CorrectionFilter:
@@ -35,6 +37,7 @@ class CorrectionFilter:
     def __init__(self) -> None:
         self.covariance = np.zeros((6, 6))
         self.observed = np.zeros(6, np.bool_)
+        self._usual, self._usual_steep = np.zeros((6, 6)), 0.0  # of the last scans
 
     def predict(self, state: Floats, seconds: float) -> Floats:
         """Return the state (6,) after some seconds without a scan; the covariance grows."""
@@ -56,6 +59,8 @@ class CorrectionFilter:
         information = np.linalg.inv(self.covariance)
         told, _ = self._told(left / SHARED, np.zeros(6), steep)
         self.covariance = np.linalg.inv(told + information)
+        self._usual += (left / SHARED - self._usual) / SCANS
+        self._usual_steep += (steep - self._usual_steep) / SCANS
 
     def _told(self, left: Floats, right: Floats, steep: int) -> tuple[Floats, Floats]:
         """Return normal equations without the horizontal directions that the scan does not determine.
@@ -63,23 +68,25 @@ class CorrectionFilter:
         Along a wall, or over level ground, little is left of the horizontal information when the heading is
         unknown too: it would follow a few points on a bush.
         """
-        yaw = left[YAW, YAW] + 1 / self.covariance[YAW, YAW]
-        flat = left[3:5, 3:5] - np.outer(left[3:5, YAW], left[3:5, YAW]) / yaw
+        usual = self._usual + (left - self._usual) / SCANS
+        yaw = usual[YAW, YAW] + 1 / self.covariance[YAW, YAW]
+        flat = usual[3:5, 3:5] - np.outer(usual[3:5, YAW], usual[3:5, YAW]) / yaw
         values, axes = np.linalg.eigh(flat)
-        weak = axes if steep < FEWEST_STEEP else axes[:, values < 1 / SURE_M**2]
+        many = self._usual_steep + (steep - self._usual_steep) / SCANS >= FEWEST_STEEP
+        weak = axes[:, values < 1 / SURE_M**2] if many else axes
         keep = np.eye(6)
         keep[3:5, 3:5] -= weak @ weak.T
-        turns = weak.shape[1] < 2 and left[YAW, YAW] >= 1 / SURE_RAD**2
+        turns = weak.shape[1] < 2 and usual[YAW, YAW] >= 1 / SURE_RAD**2
         if not turns:
             keep[YAW, YAW] = 0.0
         self.observed = np.array(
             [
-                left[0, 0] >= 1 / SURE_RAD**2,
-                left[1, 1] >= 1 / SURE_RAD**2,
+                usual[0, 0] >= 1 / SURE_RAD**2,
+                usual[1, 1] >= 1 / SURE_RAD**2,
                 turns,
                 keep[EAST, EAST] > 0.9,
                 keep[NORTH, NORTH] > 0.9,
-                left[UP, UP] >= 1 / SURE_UP_M**2,
+                usual[UP, UP] >= 1 / SURE_UP_M**2,
             ]
         )
         return keep @ left @ keep, keep @ right
