@@ -63,7 +63,9 @@ def wanted(autopilot: Autopilot, pose_rate_hz: float, odometry: bool = False) ->
         Stream("BATTERY_STATUS", mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, 1.0),
     ]
     if px4 or odometry:  # PX4's landing target and the odometry use its local frame
-        streams.insert(3, Stream("LOCAL_POSITION_NED", mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0))
+        # ArduPilot does not send it before its estimator has an origin.
+        local = Stream("LOCAL_POSITION_NED", mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0, needed=px4)
+        streams.insert(3, local)
     return (*streams, *_health(autopilot))
 
 

@@ -102,12 +102,11 @@ def earliest_ns(vehicle: VehicleState, estimate: OdometryEstimate) -> int:
 def clock_message(now_ns: int) -> Any:
     """Return the VISION_SPEED_ESTIMATE without a velocity that shows ArduPilot the companion's clock.
 
-    ArduPilot does not use TIMESYNC for odometry, but takes the least delay of the last 100 stamps as none.
-    The estimates alone, each as old as its scan, would all be fused that much late: 0.2 s at 3 m/s err by
-    0.46 m. Stamped at the moment of sending, this message makes that delay the link's. NaN is fused nowhere;
-    an ODOMETRY of NaN would spoil the alignment of its position (AP_VisualOdom_MAV.cpp). It also counts as a
-    sign of life of the odometry, without which a vehicle on the ground, whose LiDAR sees too little there,
-    could not be armed.
+    ArduPilot does not use TIMESYNC for odometry, but takes the least delay of the last 100 stamps of a link
+    as none. Stamped at the moment of sending, this message makes that delay the link's, not that of the
+    scans. NaN is fused nowhere; an ODOMETRY of NaN would first go through the code that aligns its position
+    (AP_VisualOdom_MAV.cpp). It also counts as a sign of life of the odometry, without which a vehicle on the
+    ground, whose LiDAR sees too little there, could not be armed.
     """
     return mavlink.MAVLink_vision_speed_estimate_message(
         max(1, now_ns // 1000), *(math.nan,) * 3, [math.nan] * 9, 0

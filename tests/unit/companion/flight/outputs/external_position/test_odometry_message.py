@@ -189,7 +189,7 @@ def test_a_covariance_that_is_none_is_not_sent(field: str) -> None:
     broken, negative, skew, wide = (good.copy() for _ in range(4))
     broken[0, 1] = math.nan
     negative[1, 1] = -1e-4
-    skew[0, 1] += 0.01
+    skew[0, 1] += 1e-5
     wide[0, 0] = 101.0
     singular = np.zeros_like(good)
     for matrix in (broken, negative, skew, wide, singular):
@@ -199,6 +199,7 @@ def test_a_covariance_that_is_none_is_not_sent(field: str) -> None:
 def test_a_quaternion_that_is_no_rotation_and_a_pitch_that_leaves_yaw_open_are_not_sent() -> None:
     assert sent(estimate(quat_wxyz=np.zeros(4))) is None
     assert sent(estimate(pitch=math.pi / 2)) is None
+    assert sent(estimate(pitch=1.56, pose_covariance=1e-8 * spread(6))) is None
 
 
 def test_nothing_is_sent_to_an_autopilot_that_is_not_known_or_whose_origin_is_not() -> None:
