@@ -13,7 +13,9 @@ from companion.desk.replay.own_replay import ReplayOutcome
 from companion.flight.fusion.assembler import ScanAssembler
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.returns import Returns
+from companion.runtime.event import Event
 from params import Parameters
 from slz import (
     LocalFrame,
@@ -66,6 +68,8 @@ class Rerun:
         The vehicle is on the ground, and sees it at grazing angles only: nothing is mapped.
     standing_scans
         Scans made meanwhile.
+    on_imu
+        Event of the inertial samples of the LiDAR, emitted by a feed that holds its packets.
     returns, span_ns
         Number of returns, and their oldest and newest stamp.
     poses_ns
@@ -80,6 +84,7 @@ class Rerun:
         self.report: Report | None = None
         self.standing = False
         self.standing_scans = 0
+        self.on_imu: Event[[ImuSamples]] = Event()
         self.returns = 0
         self.span_ns: tuple[int, int] | None = None
         self.poses_ns: tuple[int, int] | None = None

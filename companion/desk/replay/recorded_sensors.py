@@ -17,9 +17,11 @@ from companion.flight.link.wire.codec import Codec
 from companion.flight.mapping.window_event import WindowEvent
 from companion.flight.recorder import journal
 from companion.flight.recorder.journal import BadRecordError
+from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.lidar_url import stream_for
 from companion.flight.sensors.mavlink_ranges import MavlinkRanges
 from companion.flight.sensors.packet_stream import OnReturns
+from companion.runtime.event import Event
 from params import Parameters
 from slz import LocalFrame
 
@@ -40,6 +42,8 @@ class RecordedSensors:
     ----------
     history
         The vehicle's poses.
+    on_imu
+        Event of the LiDAR's inertial samples, as in the driver.
     """
 
     def __init__(
@@ -55,6 +59,7 @@ class RecordedSensors:
         else:
             sensor, wall_ns = (header.lidar, header.lidar_metadata), header.clock_offset_ns
             self._stream = stream_for(*sensor, parameters, on_returns, wall_ns)
+        self.on_imu: Event[[ImuSamples]] = Event() if self._stream is None else self._stream.on_imu
         self.history = PoseHistory(parameters, capacity=capacity)
         self._inbox.certain.subscribe(self.history.limit_to_certain)
         self._inbox.attitude.subscribe(self.history.add_attitude)

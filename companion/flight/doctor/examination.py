@@ -10,12 +10,14 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.doctor.finding import Finding
+from companion.flight.doctor.imu_check import ImuObservation
 from companion.flight.doctor.lidar_check import lidar_findings
 from companion.flight.doctor.link_check import link_findings
 from companion.flight.doctor.machine_check import machine_findings
 from companion.flight.doctor.neighbour_check import neighbour_findings
 from companion.flight.doctor.parameter_check import parameter_findings
 from companion.flight.doctor.version_check import Version, version_finding
+from companion.flight.geometry.sensor_mount import Mount
 from companion.flight.link.link import Link
 from companion.flight.link.message_rates import expected
 from companion.flight.link.parameter_reader import ParameterReader
@@ -69,6 +71,9 @@ class Examination:
         identity = VehicleIdentity(self.system, LISTEN_NS)
         link = Link(self.mavlink_url, self.parameters, self.signing, identity, alone=False)
         lidar = open_lidar(self.lidar_url, self.parameters, lambda returns: None, link)
+        inertial = ImuObservation(Mount(self.parameters))
+        lidar.on_imu(inertial.add_samples)
+        link.on_attitude(inertial.add_attitude)
         begun_ns = now_ns()
         log.info("listening for %g s", self.seconds)
         try:
@@ -81,6 +86,7 @@ class Examination:
                 await self._identify(link)
                 await asyncio.sleep(self.seconds)
                 findings = self._lidar(lidar, (now_ns() - begun_ns) * 1e-9)
+                findings += inertial.findings(lidar.statistics())
                 firmware = version_finding(link.vehicle.autopilot, await self._version(link))
                 findings = [*self._link(link), firmware, *findings, *await self._parameters(link)]
                 await link.close()

@@ -11,6 +11,7 @@ from companion.flight.link.link import Link
 from companion.flight.link.transport.mavlink_url import Url, parse_url
 from companion.flight.sensors.decoders.lightware_stream import LightwareStream
 from companion.flight.sensors.decoders.livox_session import LivoxSession
+from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.mavlink_lidar import MavlinkLidar
 from companion.flight.sensors.packet_stream import Batch, OnReturns, PacketStream
 from companion.flight.sensors.sensor_registry import EXAMPLE, decoder_for, registered
@@ -22,11 +23,20 @@ from params import Parameters
 
 LINE = "lightware:/dev/ttyUSB0,921600"
 CONTROLLED = "livox:0.0.0.0:56301?sensor=192.168.1.100, the address on the sensor's label"
+INERTIAL = "livox:0.0.0.0:56301?imu=56401"
 NAMES_METADATA = "ouster:HOST:PORT?meta=FILE.json, the file from http://SENSOR/api/v1/sensor/metadata"
 
 
 class Lidar(Protocol):
-    """Source of returns."""
+    """Source of returns, and of the inertial samples of a sensor that has such a unit.
+
+    Attributes
+    ----------
+    on_imu
+        Event of inertial samples on the companion's clock, before the returns that arrived with them.
+    """
+
+    on_imu: Event[[ImuSamples]]
 
     @property
     def stream(self) -> HasBatches:
@@ -66,7 +76,8 @@ def open_lidar(
 ) -> Lidar:
     """Return the driver for a URL such as `livox:0.0.0.0:56301`; without a host it binds all addresses.
 
-    The port of a Velodyne or Ouster defaults to the maker's.
+    The port of a Velodyne or Ouster defaults to the maker's. `imu=PORT` names the port of the inertial
+    samples of a Mid-360 or Ouster; by default it is as far from that of the points as the maker's.
 
     Parameters
     ----------
@@ -93,8 +104,11 @@ def open_lidar(
     host, colon, port = address.rpartition(":")
     if default is not None and not (colon and port):
         host, port = (host if colon else address), str(default)
-    if not (port.isascii() and port.isdigit() and len(port) <= 5 and 0 < int(port) < 65536):
+    if not _is_port(port):
         raise UsageError(f"LiDAR {url!r} has no port from 1 to 65535: write {EXAMPLE}")
+    imu_port = None if known.imu_port_step is None else int(port) + known.imu_port_step
+    if imu_port is not None:
+        query, imu_port = _imu_port(url, query, imu_port)
     try:
         metadata = "" if kind == "livox" else read_metadata(kind, query)
     except UsageError as error:
@@ -102,9 +116,9 @@ def open_lidar(
     sensor = _sensor(url, query) if kind == "livox" and query else None
     named = None if sensor is None else sensor.partition(":")[0]
     stream = PacketStream(decoder_for(kind, metadata), parameters, on_returns, wall_offset_ns, named)
-    lidar = UdpLidar(host.strip("[]") or "0.0.0.0", int(port), stream)
+    lidar = UdpLidar(host.strip("[]") or "0.0.0.0", int(port), stream, imu_port)
     if sensor is not None:
-        lidar.session = LivoxSession(sensor, int(port), lambda: lidar.last_arrival_ns)
+        lidar.session = LivoxSession(sensor, int(port), lambda: lidar.last_arrival_ns, imu_port)
     return lidar
 
 
@@ -136,6 +150,21 @@ def _line(url: str, device: str) -> Url:
     return line
 
 
+def _is_port(text: str) -> bool:
+    return text.isascii() and text.isdigit() and len(text) <= 5 and 0 < int(text) < 65536
+
+
+def _imu_port(url: str, query: str, usual: int) -> tuple[str, int | None]:
+    """Return a URL's query without `imu=PORT`, and that port; None if the usual one is beyond the last."""
+    parts = query.split("&")
+    ports = [part.removeprefix("imu=") for part in parts if part.startswith("imu=")]
+    if not ports:
+        return query, usual if usual < 65536 else None
+    if len(ports) > 1 or not _is_port(ports[0]):
+        raise UsageError(f"LiDAR {url!r}: imu= is one port from 1 to 65535, as in {INERTIAL}")
+    return "&".join(part for part in parts if not part.startswith("imu=")), int(ports[0])
+
+
 def _sensor(url: str, query: str) -> str:
     """Return the Mid-360's own address, the destination of commands."""
     name, _, address = query.partition("=")
@@ -144,8 +173,7 @@ def _sensor(url: str, query: str) -> str:
         ipaddress.IPv4Address(host)
     except ValueError:
         host = ""
-    sound = not colon or (port.isascii() and port.isdigit() and len(port) <= 5 and 0 < int(port) < 65536)
-    if name != "sensor" or not host or not sound:
+    if name != "sensor" or not host or (colon and not _is_port(port)):
         raise UsageError(f"LiDAR {url!r}: {'?' + query!r} is not understood: write {CONTROLLED}")
     return address
 

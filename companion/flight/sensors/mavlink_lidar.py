@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from companion.flight.link.link import Link
+from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.mavlink_ranges import MavlinkRanges
 from companion.flight.sensors.packet_stream import Batch, OnReturns
 from companion.runtime.event import Event
@@ -18,12 +19,15 @@ class MavlinkLidar:
     ----------
     batches
         Never emits, because a recording contains the frames.
+    on_imu
+        Never emits.
     """
 
     def __init__(self, link: Link, parameters: Parameters, on_returns: OnReturns) -> None:
         self._link = link
         self._ranges = MavlinkRanges(parameters, link.clock, on_returns)
         self.batches: Event[[Batch]] = Event()
+        self.on_imu: Event[[ImuSamples]] = Event()
 
     @property
     def kind(self) -> str:

@@ -6,9 +6,10 @@ import logging
 from collections import deque
 from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from companion.flight.sensors.device_clock import SensorClock
+from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.packet_identification import NAMES, identify_packet
 from companion.flight.sensors.returns import RawReturns, Returns, join_raw
 from companion.flight.sensors.synchronised_clock import SynchronisedClock
@@ -20,6 +21,8 @@ log = logging.getLogger(__name__)
 
 RATE_NS = 1_000_000_000
 REMEMBERED = 64  # number of packets searched for a duplicate
+REMEMBERED_IMU = 16
+IMU_LATE_NS, IMU_EARLY_NS = 500_000_000, 50_000_000  # of an inertial sample against its arrival
 MOST_UNANSWERED = 100  # batches without any return whose lost rays wait for the next one
 
 OnReturns = Callable[[Returns], None]
@@ -53,6 +56,17 @@ class Decoder(Protocol):
         """Return the number of stored packets."""
 
 
+@runtime_checkable
+class ImuDecoder(Protocol):
+    """What the decoder of a sensor with an inertial measurement unit has besides."""
+
+    def is_imu(self, packet: bytes) -> bool:
+        """Return whether a packet claims to hold inertial samples; called for everything that arrives."""
+
+    def decode_imu(self, packet: bytes) -> ImuSamples | None:
+        """Return the samples of such a packet on the sensor's clock; None, counted, if it is invalid."""
+
+
 class PacketStream:
     """Checks, time stamps and decoding of one sensor's packets.
 
@@ -60,6 +74,11 @@ class PacketStream:
     first has been silent for `lidar_timeout_s`, because two sensors' clocks and counters would mix. A
     duplicated packet is used once. Packets of another maker are counted, and the first is logged; so are
     packets at which the decoder fails. If it fails at all of them, the sensor counts as silent.
+
+    Inertial samples of an `ImuDecoder` go out with the batch in which they arrived, before its returns. The
+    points alone decide whose packets are used, the mapping of the clock and whether the sensor is silent.
+    Samples before the first points are dropped and counted as undated, and so are those that this mapping
+    places more than 0.5 s before their arrival or 50 ms after it.
 
     Parameters
     ----------
@@ -76,8 +95,10 @@ class PacketStream:
     ----------
     batches
         Event of the packets of a batch, before it is decoded.
+    on_imu
+        Event of inertial samples, mapped to the companion's clock.
     last_arrival_ns
-        Arrival of the newest valid packet; None before any.
+        Arrival of the newest valid packet of points; None before any.
     """
 
     def __init__(
@@ -89,6 +110,7 @@ class PacketStream:
         named: str | None = None,
     ) -> None:
         self._decoder = decoder
+        self._imu = decoder if isinstance(decoder, ImuDecoder) else None
         self._on_returns = on_returns
         delay_ns = round(parameters.lidar_delay_ms * 1e6)
         self._clock: SensorClock | SynchronisedClock = SensorClock(delay_ns)
@@ -103,10 +125,14 @@ class PacketStream:
         self._failed = 0
         self._decoded_ns: int | None = None
         self._recent: deque[int] = deque(maxlen=REMEMBERED)
+        self._recent_imu: deque[int] = deque(maxlen=REMEMBERED_IMU)
+        self._undated = 0
         self._kept: Batch = []
+        self._samples: list[tuple[int, ImuSamples]] = []
         self._unanswered: deque[RawReturns] = deque(maxlen=MOST_UNANSWERED)
         self._rate = _Rate()
         self.batches: Event[[Batch]] = Event()
+        self.on_imu: Event[[ImuSamples]] = Event()
         self.last_arrival_ns: int | None = None
 
     @property
@@ -121,11 +147,14 @@ class PacketStream:
 
     def __len__(self) -> int:
         """Return the number of packets waiting to be decoded."""
-        return len(self._decoder)
+        return len(self._kept)
 
     def add_packet(self, packet: bytes, host: str, arrival_ns: int) -> None:
         """Store a packet for the next batch; an invalid one is counted and dropped."""
         try:
+            if self._imu is not None and self._imu.is_imu(packet):
+                self._add_imu(self._imu.decode_imu(packet), packet, host, arrival_ns)
+                return
             stamp_ns = self._decoder.check(packet)
         except Exception:
             self._fail([(arrival_ns, packet)])
@@ -156,12 +185,19 @@ class PacketStream:
             return
         kept, self._kept = self._kept, []
         self.batches.emit(kept)
+        self._pass_samples()
+        if len(self._decoder):
+            self._decode(kept, now_ns)
+
+    def _decode(self, kept: Batch, now_ns: int) -> None:
+        """Decode the stored packets of points, those of a batch, and pass the returns on."""
+        newest_ns = self.last_arrival_ns
         try:
             raw = self._decoder.drain()
         except Exception:
-            self._fail(kept)
+            self._fail([(at_ns, packet) for at_ns, packet in kept if not self._is_imu(packet)])
             return
-        self._decoded_ns = kept[-1][0]
+        self._decoded_ns = newest_ns
         if not len(raw):
             if len(raw.lost_ns):  # as over water: they go with the next batch that has a return
                 self._unanswered.append(raw)
@@ -179,11 +215,45 @@ class PacketStream:
             "repeated": self._repeated,
             "wrong_sensor": self._wrong_sensor,
             "failed": self._failed,
+            "imu_undated": self._undated,
             "clock_resets": self._clock.resets,
             "clock_follows": getattr(self._clock, "keeps", None),
             "last_arrival_ns": self.last_arrival_ns,
             "rate_hz": self._rate.hz,
         }
+
+    def _add_imu(self, samples: ImuSamples | None, packet: bytes, host: str, arrival_ns: int) -> None:
+        """Store the samples of the sensor whose points are used, None if its packet was invalid."""
+        if samples is None:
+            self._suspect(packet, host)
+            return
+        if self._host is None:
+            self._undated += 1
+            return
+        if host != self._host:
+            self._foreign += 1
+            return
+        digest = hash(packet)
+        if digest in self._recent_imu:
+            self._repeated += 1
+            return
+        self._recent_imu.append(digest)
+        self._kept.append((arrival_ns, packet))
+        self._samples.append((arrival_ns, samples))
+
+    def _pass_samples(self) -> None:
+        """Map the stored samples to the companion's clock and pass them on."""
+        waiting, self._samples = self._samples, []
+        for arrival_ns, samples in waiting:
+            newest_ns = int(samples.stamp_ns[-1])
+            mapped = samples.shifted(self._clock.offset_ns(newest_ns))
+            if -IMU_EARLY_NS <= arrival_ns - int(mapped.stamp_ns[-1]) <= IMU_LATE_NS:
+                self.on_imu.emit(mapped)
+            else:
+                self._undated += 1
+
+    def _is_imu(self, packet: bytes) -> bool:
+        return self._imu is not None and self._imu.is_imu(packet)
 
     def _fail(self, lost: Batch) -> None:
         """Count packets at which the decoder fails as not received; log the first with its traceback."""

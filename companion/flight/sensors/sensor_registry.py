@@ -28,11 +28,14 @@ class Sensor:
         The maker's UDP port, None without one.
     has_metadata
         Its packets can be decoded only with the sensor's metadata.
+    imu_port_step
+        The maker's UDP port of inertial samples less that of the points, None if it sends none.
     """
 
     make: Callable[[str], Decoder]
     default_port: int | None = None
     has_metadata: bool = False
+    imu_port_step: int | None = None
 
 
 def _livox(_: str) -> Decoder:
@@ -67,9 +70,9 @@ def _radar(_: str) -> Decoder:
 
 
 _OURS = {
-    "livox": Sensor(_livox),
+    "livox": Sensor(_livox, imu_port_step=100),
     "velodyne": Sensor(_velodyne, 2368),
-    "ouster": Sensor(_ouster, 7502, has_metadata=True),
+    "ouster": Sensor(_ouster, 7502, has_metadata=True, imu_port_step=1),
     "flash": Sensor(_flash, 7610),
     "radar": Sensor(_radar, 7611),
 }

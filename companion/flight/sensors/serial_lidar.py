@@ -23,11 +23,14 @@ class SerialLidar:
     ----------
     stream
         Decoder of the bytes.
+    on_imu
+        Never emits.
     """
 
     def __init__(self, url: Url, stream: LightwareStream) -> None:
         self._transport = Transport(url)
         self.stream = stream
+        self.on_imu = stream.on_imu
 
     @property
     def last_arrival_ns(self) -> int | None:

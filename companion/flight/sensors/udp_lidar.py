@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import logging
 import socket
 from typing import Any
 
@@ -12,6 +13,8 @@ from companion.flight.sensors.decoders.livox_session import LivoxSession
 from companion.flight.sensors.packet_stream import PacketStream
 from companion.runtime.clock import now_ns
 from companion.runtime.errors import CompanionError, UsageError
+
+log = logging.getLogger(__name__)
 
 BATCH_S = 0.01
 BATCH_PACKETS = 64
@@ -25,17 +28,27 @@ BIND_ERRORS = {
 class UdpLidar(asyncio.DatagramProtocol):
     """Receiver of packets on a UDP port, in batches of 10 ms.
 
+    Parameters
+    ----------
+    imu_port
+        Port of the sensor's inertial samples, None if it sends none elsewhere. The points do not depend on
+        it: if it is in use, one line of the log says so.
+
     Attributes
     ----------
     stream
         Decoder of the packets.
+    on_imu
+        Event of inertial samples on the companion's clock, before the returns that arrived with them.
     """
 
-    def __init__(self, host: str, port: int, stream: PacketStream) -> None:
+    def __init__(self, host: str, port: int, stream: PacketStream, imu_port: int | None = None) -> None:
         self._address = (host, port)
+        self._imu_port = imu_port
         self._timer: asyncio.TimerHandle | None = None
         self._failure: asyncio.Future[None] | None = None
         self.stream = stream
+        self.on_imu = stream.on_imu
         self.session: LivoxSession | None = None
 
     @property
@@ -59,12 +72,28 @@ class UdpLidar(asyncio.DatagramProtocol):
         """
         loop = asyncio.get_running_loop()
         self._failure = loop.create_future()
-        transport, _ = await loop.create_datagram_endpoint(lambda: self, sock=self._bound())
+        transport, _ = await loop.create_datagram_endpoint(lambda: self, sock=self._bound(self._address))
+        inertial = await self._listen_for_imu()
         try:
             await self._until_failed(self._failure)
         finally:
             transport.close()
+            if inertial is not None:
+                inertial.close()
             self._stop_timer()
+
+    async def _listen_for_imu(self) -> asyncio.BaseTransport | None:
+        """Open the port of the inertial samples; None without one."""
+        if self._imu_port is None:
+            return None
+        try:
+            sock = self._bound((self._address[0], self._imu_port))
+        except UsageError as error:
+            log.warning("%s: inertial samples of the LiDAR are not used", error)
+            return None
+        loop = asyncio.get_running_loop()
+        transport, _ = await loop.create_datagram_endpoint(lambda: _ImuPort(self), sock=sock)
+        return transport
 
     async def _until_failed(self, failure: asyncio.Future[None]) -> None:
         """Wait for a failure, and meanwhile keep the sensor sending."""
@@ -79,15 +108,15 @@ class UdpLidar(asyncio.DatagramProtocol):
             session.cancel()
             await asyncio.gather(session, return_exceptions=True)
 
-    def _bound(self) -> socket.socket:
-        host, port = self._address
+    def _bound(self, address: tuple[str, int]) -> socket.socket:
+        host, port = address
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         sock = socket.socket(family, socket.SOCK_DGRAM)
         with contextlib.suppress(OSError):
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
         sock.setblocking(False)
         try:
-            sock.bind(self._address)
+            sock.bind(address)
         except OSError as error:
             sock.close()
             why = BIND_ERRORS.get(error.errno or 0) or str(error.strerror or error)
@@ -128,3 +157,20 @@ class UdpLidar(asyncio.DatagramProtocol):
     def _fail(self, error: Exception) -> None:
         if self._failure is not None and not self._failure.done():
             self._failure.set_exception(error)
+
+
+class _ImuPort(asyncio.DatagramProtocol):
+    """Second port of a sensor, whose failure the points survive."""
+
+    def __init__(self, lidar: UdpLidar) -> None:
+        self._lidar = lidar
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        self._lidar.datagram_received(data, addr)
+
+    def error_received(self, exc: Exception) -> None:
+        """Ignore errors of a peer's closed port; nothing is sent from here."""
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        if exc is not None:
+            log.warning("the port of the LiDAR's inertial samples failed: %s", exc)

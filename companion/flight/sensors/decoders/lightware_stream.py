@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.flight.sensors.decoders.lightware_protocol import LightwareDecoder
+from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.packet_stream import Batch, OnReturns
 from companion.flight.sensors.returns import Returns
 from companion.runtime.event import Event
@@ -29,6 +30,8 @@ class LightwareStream:
     ----------
     batches
         Event of the bytes of a batch, before they are decoded.
+    on_imu
+        Never emits: the sensor has no inertial measurement unit.
     last_arrival_ns
         Arrival of the newest reading; None before any.
     """
@@ -44,6 +47,7 @@ class LightwareStream:
         self._period_ns = LONGEST_NS
         self._rate_hz = 0.0
         self.batches: Event[[Batch]] = Event()
+        self.on_imu: Event[[ImuSamples]] = Event()
         self.last_arrival_ns: int | None = None
 
     @property

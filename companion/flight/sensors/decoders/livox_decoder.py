@@ -1,4 +1,4 @@
-"""Decoder of the Livox Mid-360's point packets (Livox LiDAR communication protocol for the Mid-360, v1.4).
+"""Decoder of the Livox Mid-360's packets (Livox LiDAR communication protocol for the Mid-360, v1.4).
 
 A packet is a header of 36 bytes, little endian, and `dot_num` points. `length` counts the whole packet. The
 checksum covers everything from the time stamp on. `timestamp` is the first point's time, `time_interval` the
@@ -20,15 +20,17 @@ from zlib import crc32
 
 import numpy as np
 
+from companion.flight.sensors.decoders import livox_imu
 from companion.flight.sensors.decoders.livox_points import decode_points
 from companion.flight.sensors.decoders.livox_scan_pattern import ScanPattern
+from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.returns import RawReturns, thinning
 
 # version, length, time_interval (0.1 us), dot_num, udp_cnt, frame_cnt, data_type, time_type, 12 reserved,
 # crc32, timestamp (ns)
 HEADER = struct.Struct("<BHHHHBBB12xIQ")
 CHECKED_FROM = 28
-IMU = 0
+TYPE_AT = 10
 POINT_BYTES = {1: 14, 2: 8, 3: 10}
 REORDERED = 64  # a packet at most this much behind the newest is late; one farther behind starts a frame
 MOST_NS = 2**62
@@ -81,12 +83,48 @@ class LivoxDecoder:
 
         Dropped packets are counted.
         """
+        if self.is_imu(packet):
+            self.decode_imu(packet)
+            return None
+        header = self._header(packet)
+        if header is None:
+            return None
+        _, length, interval, count, _, _, kind, _, _, stamp = header
+        size = POINT_BYTES.get(kind)
+        if size is None or count == 0 or length != HEADER.size + count * size or stamp > MOST_NS:
+            self.counters.malformed += 1
+            return None
+        self._sound = packet, header
+        last_ns: int = stamp + interval * 100
+        return last_ns
+
+    def is_imu(self, packet: bytes) -> bool:
+        """Return whether a packet claims to hold inertial samples."""
+        return len(packet) >= HEADER.size and packet[TYPE_AT] == livox_imu.DATA_TYPE
+
+    def decode_imu(self, packet: bytes) -> ImuSamples | None:
+        """Return the samples of an inertial packet on the sensor's clock; None, counted, if it is invalid."""
+        header = self._header(packet)
+        if header is None:
+            return None
+        _, length, interval, count, _, _, _, _, _, stamp = header
+        samples = None
+        if count and length == HEADER.size + count * livox_imu.SAMPLE_BYTES and stamp <= MOST_NS:
+            samples = livox_imu.decode_samples(packet[HEADER.size :], stamp, interval * 100)
+        if samples is None or not samples.is_plausible:
+            self.counters.malformed += 1
+            return None
+        self.counters.imu += 1
+        return samples
+
+    def _header(self, packet: bytes) -> tuple[int, ...] | None:
+        """Return the fields of a packet's header; None, counted, if length or checksum is wrong."""
         c = self.counters
         if len(packet) < HEADER.size:
             c.malformed += 1
             return None
         header = HEADER.unpack_from(packet)
-        version, length, interval, count, _, _, kind, _, crc, stamp = header
+        version, length, crc = header[0], header[1], header[8]
         if version != 0 or length != len(packet):
             c.malformed += 1
             return None
@@ -95,16 +133,7 @@ class LivoxDecoder:
         elif crc32(packet[CHECKED_FROM:]) != crc:
             c.bad_checksum += 1
             return None
-        if kind == IMU:
-            c.imu += 1
-            return None
-        size = POINT_BYTES.get(kind)
-        if size is None or count == 0 or length != HEADER.size + count * size or stamp > MOST_NS:
-            c.malformed += 1
-            return None
-        self._sound = packet, header
-        last_ns: int = stamp + interval * 100
-        return last_ns
+        return header
 
     def add_packet(self, packet: bytes) -> None:
         """Store a packet accepted by `check`."""

@@ -28,12 +28,20 @@ class LivoxSession(asyncio.DatagramProtocol):
         Port on which this computer receives points.
     last_point_ns
         Returns the arrival of the newest points.
+    imu_port
+        Port on which this computer receives inertial samples, None if it wants none.
     """
 
-    def __init__(self, sensor: str, port: int, last_point_ns: Callable[[], int | None]) -> None:
+    def __init__(
+        self,
+        sensor: str,
+        port: int,
+        last_point_ns: Callable[[], int | None],
+        imu_port: int | None = None,
+    ) -> None:
         host, _, own = sensor.partition(":")
         self._sensor = host, int(own or PORT)
-        self._port = port
+        self._port, self._imu_port = port, imu_port
         self._last_point_ns = last_point_ns
         self._control: LivoxControl | None = None
         self._heard = False
@@ -53,7 +61,7 @@ class LivoxSession(asyncio.DatagramProtocol):
             why = error.strerror or error
             raise UsageError(f"LiDAR at {self._sensor[0]}: {why}; is the network card set up?") from None
         own: socket.socket = transport.get_extra_info("socket")
-        self._control = LivoxControl(own.getsockname()[0], self._port)
+        self._control = LivoxControl(own.getsockname()[0], self._port, self._imu_port)
         try:
             while True:
                 request = self._control.due(now_ns(), self._last_point_ns())

@@ -18,7 +18,9 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.flight.sensors.decoders.ouster_imu import OusterImu
 from companion.flight.sensors.decoders.ouster_points import place_pixels
+from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.returns import RawReturns, nothing, thinning
 from companion.runtime.errors import UsageError
 
@@ -84,7 +86,8 @@ class _Format:
             raise UsageError(f"LiDAR ouster: its metadata cannot be read: {line}") from None
         self._header = sdk.ColHeader
         self.rows, self.frame_columns = int(info.format.pixels_per_column), int(info.format.columns_per_frame)
-        self.size, self.imu_size = int(self._packet.lidar_packet_size), int(self._packet.imu_packet_size)
+        self.size = int(self._packet.lidar_packet_size)
+        self.imu = OusterImu(int(self._packet.imu_packet_size), info.imu_to_sensor_transform)
         self.thinning = thinning(self.rows * self.frame_columns * (int(info.format.fps) or MOST_FPS))
         self.frames = int(self._packet.max_frame_id) + 1
         self._is_legacy = info.format.udp_profile_lidar.name == LEGACY
@@ -191,8 +194,8 @@ class OusterDecoder:
 
         Dropped packets are counted.
         """
-        if len(packet) == self._format.imu_size:
-            self.counters.imu += 1
+        if self.is_imu(packet):
+            self.decode_imu(packet)
             return None
         columns = None
         if len(packet) == self._format.size:
@@ -204,6 +207,19 @@ class OusterDecoder:
             self.counters.empty += 1
             return None
         return int(columns.stamp_ns[-1])
+
+    def is_imu(self, packet: bytes) -> bool:
+        """Return whether a packet has the length of inertial ones."""
+        return bool(packet) and len(packet) == self._format.imu.size
+
+    def decode_imu(self, packet: bytes) -> ImuSamples | None:
+        """Return the samples of an inertial packet on the sensor's clock; None, counted, if it is invalid."""
+        samples = self._format.imu.decode(packet)
+        if samples is None:
+            self.counters.malformed += 1
+            return None
+        self.counters.imu += 1
+        return samples if len(samples) and self._format.imu.is_placed else None
 
     def add_packet(self, packet: bytes) -> None:
         """Store a packet accepted by `check`."""

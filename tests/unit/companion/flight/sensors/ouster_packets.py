@@ -14,6 +14,7 @@ SINGLE, DUAL, LOW, LEGACY = (
     "RNG15_RFL8_NIR8",
     "LEGACY",
 )
+NEW_IMU, IMU_ROWS = "ACCEL32_GYRO32_NMEA", 8
 TOP_DEG, STEP_DEG = 45.0, 6.0
 Measure = Callable[[int, int], tuple[int, int]]
 """Row from the top, column of the packet -> range in mm, reflectivity."""
@@ -40,7 +41,12 @@ def only(row: int, column: int, range_mm: int = 10_000, reflectivity: int = 77) 
     return lambda r, c: (range_mm, reflectivity) if (r, c) == (row, column) else (0, 0)
 
 
-def metadata(profile: str = SINGLE) -> str:
+LEVEL = (1, 0, 0, 6.253, 0, 1, 0, -11.775, 0, 0, 1, 7.645, 0, 0, 0, 1)
+
+
+def metadata(
+    profile: str = SINGLE, *, imu_profile: str = LEGACY, imu_to_sensor: tuple[float, ...] = LEVEL
+) -> str:
     """Return the sensor's metadata; its beams lie 6 degrees apart, the highest at +45."""
     return json.dumps(
         {
@@ -62,9 +68,10 @@ def metadata(profile: str = SINGLE) -> str:
                 "pixel_shift_by_row": [0] * ROWS,
                 "column_window": [0, COLUMNS - 1],
                 "udp_profile_lidar": profile,
-                "udp_profile_imu": "LEGACY",
+                "udp_profile_imu": imu_profile,
                 "fps": 10,
             },
+            "imu_data_format": {"imu_measurements_per_packet": IMU_ROWS, "imu_packets_per_frame": 8},
             "beam_intrinsics": {
                 "beam_altitude_angles": [TOP_DEG - STEP_DEG * row for row in range(ROWS)],
                 "beam_azimuth_angles": [0.0] * ROWS,
@@ -74,7 +81,7 @@ def metadata(profile: str = SINGLE) -> str:
             "lidar_intrinsics": {
                 "lidar_to_sensor_transform": [-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 36, 0, 0, 0, 1]
             },
-            "imu_intrinsics": {"imu_to_sensor_transform": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]},
+            "imu_intrinsics": {"imu_to_sensor_transform": list(imu_to_sensor)},
             "calibration_status": {},
         }
     )
@@ -113,3 +120,29 @@ def _pixel(profile: str, range_mm: int, bright: int, range2_mm: int, bright2: in
     if profile == LOW:
         return struct.pack("<HBx", range_mm // 8, bright)
     return struct.pack("<IB7x", range_mm, bright)
+
+
+def legacy_imu_packet(
+    force_g: tuple[float, ...] = (0, 0, 1),
+    rate_degs: tuple[float, ...] = (0, 0, 0),
+    *,
+    stamp_ns: int = 5_000_000_000,
+) -> bytes:
+    """Return an inertial packet of 48 bytes; the stamp is that of the gyroscope's reading."""
+    return struct.pack("<QQQ6f", 77, max(0, stamp_ns - 222_770), stamp_ns, *force_g, *rate_degs)
+
+
+def new_imu_packet(
+    force_ms2: tuple[float, ...] = (0, 0, 9.8),
+    rate_rads: tuple[float, ...] = (0, 0, 0),
+    *,
+    stamp_ns: int = 5_000_000_000,
+    step_ns: int = 1_562_500,
+    valid: tuple[int, ...] = (1,) * IMU_ROWS,
+    kind: int = 2,
+) -> bytes:
+    """Return an inertial packet of the profile ACCEL32_GYRO32_NMEA."""
+    out = struct.pack("<HH28x", kind, 3) + struct.pack("<Q92s", 1, b"$GPRMC")
+    for k, status in enumerate(valid):
+        out += struct.pack("<QHH6f", stamp_ns + k * step_ns, 32 * k, status, *force_ms2, *rate_rads)
+    return out + bytes(32)

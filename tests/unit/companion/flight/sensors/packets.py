@@ -43,11 +43,20 @@ def points_packet(
     )
 
 
-def imu_packet() -> bytes:
-    """Return an inertial sample: data type 0, one entry of six floats."""
-    checked = struct.pack("<Q6f", 5_000_000_000, 0, 0, 0, 0, 0, 1)
+def imu_packet(
+    samples: Iterable[tuple[float, ...]] = ((0, 0, 0, 0, 0, 1),),
+    *,
+    stamp_ns: int = 5_000_000_000,
+    interval_ns: int = 0,
+    dots: int | None = None,
+    crc: int | None = None,
+) -> bytes:
+    """Return inertial samples: data type 0, entries of six floats (rad/s, g)."""
+    body = [struct.pack("<6f", *sample) for sample in samples]
+    checked = struct.pack("<Q", stamp_ns) + b"".join(body)
+    count = len(body) if dots is None else dots
     return (
-        struct.pack("<BHHHHBBB12s", 0, 28 + len(checked), 0, 1, 0, 0, 0, 0, b"\0" * 12)
-        + struct.pack("<I", zlib.crc32(checked))
+        struct.pack("<BHHHHBBB12s", 0, 28 + len(checked), interval_ns // 100, count, 0, 0, 0, 0, b"\0" * 12)
+        + struct.pack("<I", zlib.crc32(checked) if crc is None else crc)
         + checked
     )

@@ -13,7 +13,8 @@ PORT = 56100
 _HEADER = struct.Struct("<BBHIHBB6sHI")
 _SEARCH, _SET, _GET = 0x0000, 0x0100, 0x0101
 _DATA_TYPE, _POINT_HOST, _WORK_MODE = 0x0000, 0x0006, 0x001A
-_LENGTHS = {_DATA_TYPE: 1, 0x0001: 1, 0x0005: 8, _POINT_HOST: 8, 0x0007: 8, _WORK_MODE: 1, 0x001C: 1}
+_IMU_HOST, _IMU_ENABLED = 0x0007, 0x001C
+_LENGTHS = {_DATA_TYPE: 1, 0x0001: 1, 0x0005: 8, _POINT_HOST: 8, _IMU_HOST: 8, _WORK_MODE: 1, _IMU_ENABLED: 1}
 _NOT_SUPPORTED, _BAD_LENGTH, _BAD_VALUE = 0x20, 0x21, 0x22
 
 
@@ -32,10 +33,13 @@ class ControlUnit:
     """State that commands change.
 
     sampling: whether points are sent. point_host: their destination, None until set. data_type: 1, 2 or 3.
+    imu_enabled, imu_host: the same of inertial samples.
     """
 
     sampling: bool = False
     point_host: tuple[str, int] | None = None
+    imu_enabled: bool = False
+    imu_host: tuple[str, int] | None = None
     data_type: int = 1
     serial: bytes = b"SIM0000000360\0\0\0"
     address: str = "127.0.0.1"
@@ -90,6 +94,10 @@ class ControlUnit:
                 self.data_type = value[0]
             elif key == _POINT_HOST:
                 self.point_host = ".".join(map(str, value[:4])), struct.unpack_from("<H", value, 4)[0]
+            elif key == _IMU_HOST:
+                self.imu_host = ".".join(map(str, value[:4])), struct.unpack_from("<H", value, 4)[0]
+            elif key == _IMU_ENABLED:
+                self.imu_enabled = value[0] == 1
             elif key == _WORK_MODE:
                 self.sampling = value[0] == 1
         return struct.pack("<BH", 0, 0)

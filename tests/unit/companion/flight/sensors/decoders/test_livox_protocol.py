@@ -56,6 +56,59 @@ def test_a_refusal_names_the_parameter() -> None:
     assert "0x001a" in control.refused
 
 
+def answered(control: LivoxControl, sensor: ControlUnit, at_ns: int) -> None:
+    request = control.due(at_ns, at_ns)
+    assert request is not None
+    assert control.on_datagram(sensor.receive(request) or b"")
+
+
+def test_inertial_samples_are_asked_for_once_the_points_come() -> None:
+    sensor, control = ControlUnit(), LivoxControl("192.168.1.5", 56301, 56401)
+    answered(control, sensor, 0)
+    assert control.due(SECOND, None) is None
+    assert (sensor.imu_enabled, sensor.imu_host) == (False, None)
+    answered(control, sensor, 5 * SECOND)
+    assert (sensor.imu_enabled, sensor.imu_host) == (True, ("192.168.1.5", 56401))
+    assert all(control.due(t * SECOND, t * SECOND) is None for t in range(6, 20))
+
+
+def test_the_bytes_that_ask_for_inertial_samples() -> None:
+    sensor, control = ControlUnit(), LivoxControl("192.168.1.5", 56301, 56401)
+    answered(control, sensor, 0)
+    request = control.due(SECOND, SECOND)
+    assert request is not None
+    assert request[HEADER_BYTES:].hex() == "0200000007000800c0a8010551dc50dc1c00010001"
+
+
+def test_a_sensor_that_refuses_them_keeps_sampling_and_is_not_asked_again() -> None:
+    control = LivoxControl("192.168.1.5", 56301, 56401)
+    answered(control, ControlUnit(), 0)
+    assert control.due(SECOND, SECOND) is not None
+    assert control.on_datagram(encode(Frame(SET_PARAMETERS, 2, ANSWER, b"\x20\x1c\x00"), sender=1))
+    assert "0x001c" in control.refused
+    assert all(control.due(t * SECOND, t * SECOND) is None for t in range(2, 20))
+
+
+def test_a_sensor_that_does_not_answer_about_them_is_left_alone() -> None:
+    control = LivoxControl("192.168.1.5", 56301, 56401)
+    answered(control, ControlUnit(), 0)
+    asked = [t for t in range(1, 60) if control.due(t * SECOND, t * SECOND) is not None]
+    assert asked == [1, 2, 3, 4, 5]
+
+
+def test_after_a_power_cycle_both_are_asked_for_again() -> None:
+    sensor, control = ControlUnit(), LivoxControl("192.168.1.5", 56301, 56401)
+    answered(control, sensor, 0)
+    answered(control, sensor, SECOND)
+    again = ControlUnit()
+    request = control.due(10 * SECOND, 2 * SECOND)
+    assert request is not None
+    control.on_datagram(again.receive(request) or b"")
+    answered(control, again, 11 * SECOND)
+    assert again.sampling
+    assert again.imu_enabled
+
+
 def test_answers_to_something_else_are_passed_over() -> None:
     control = LivoxControl("192.168.1.5", 56301)
     control.due(0, None)
