@@ -6,13 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-TURN, SHIFT = slice(0, 3), slice(3, 6)
+SHIFT, RATE = slice(3, 6), slice(6, 9)
 YAW, EAST, NORTH, UP = 2, 3, 4, 5
 
 # Errors of an autopilot's estimate. A tilt is corrected by gravity: it stays small, and the correction
 # returns to zero. Heading and position wander.
 TILT_RAD, TILT_S = np.radians(0.3), 20.0
-YAW_RAD_SQRT_S, AWAY_M_SQRT_S, UP_M_SQRT_S = np.radians(0.1), 0.04, 0.06
+YAW_RAD_SQRT_S, AWAY_M_SQRT_S, UP_M_SQRT_S = np.radians(0.1), 0.02, 0.03
+# A drift: that of a position without GPS, 0.034 m/s2 in ArduPilot, or one carried off by a false signal.
+RATE_MS, RATE_S = 0.05, 5.0
 # Errors that all points of a scan share: each counts as this share of an independent one.
 SHARED = 10.0
 # An axis is observed if one scan tells it this surely.
@@ -24,43 +26,61 @@ SCANS = 10.0
 
 
 class CorrectionFilter:
-    """Gaussian filter of rotation vector and shift about the sensor, in six degrees of freedom.
+    """Gaussian filter of rotation vector and shift about the sensor, and of the rate at which this drifts.
+
+    Without GPS an autopilot's position drifts ever faster: a filter without the rate would lag behind, and
+    then see nothing of the map within its gate.
 
     Attributes
     ----------
     covariance
-        (6, 6): rotation vector about east, north, up (rad2), then shift east, north, up (m2).
+        (9, 9): rotation vector about east, north, up (rad2), shift east, north, up (m2), and the rate of the
+        shift (m2/s2).
     observed
         (6,) bool, whether the last scan told each axis.
     """
 
     def __init__(self) -> None:
-        self.covariance = np.zeros((6, 6))
+        self.covariance = np.zeros((9, 9))
+        self.covariance[RATE, RATE] = np.eye(3) * RATE_MS**2
         self.observed = np.zeros(6, np.bool_)
         self._usual, self._usual_steep = np.zeros((6, 6)), 0.0  # of the last scans
 
     def predict(self, state: Floats, seconds: float) -> Floats:
-        """Return the state (6,) after some seconds without a scan; the covariance grows."""
-        keep = np.ones(6)
-        keep[:2] = np.exp(-seconds / TILT_S)
+        """Return the state (9,) after some seconds without a scan; the covariance grows."""
+        move = np.eye(9)
+        move[SHIFT, RATE] = np.eye(3) * seconds
+        move[[0, 1], [0, 1]] = np.exp(-seconds / TILT_S)
+        move[RATE, RATE] *= np.exp(-seconds / RATE_S)
+        tilt, rate = TILT_RAD**2 * (1 - move[0, 0] ** 2), RATE_MS**2 * (1 - move[6, 6] ** 2)
         grown = np.array([YAW_RAD_SQRT_S, AWAY_M_SQRT_S, AWAY_M_SQRT_S, UP_M_SQRT_S]) ** 2 * seconds
-        tilt = TILT_RAD**2 * (1 - keep[:2] ** 2)
-        self.covariance = keep[:, np.newaxis] * self.covariance * keep + np.diag([*tilt, *grown])
-        return state * keep
+        self.covariance = move @ self.covariance @ move.T + np.diag([tilt, tilt, *grown, rate, rate, rate])
+        return np.asarray(move @ state)
 
     def step(self, away: Floats, left: Floats, right: Floats, steep: int) -> Floats:
-        """Return the further change of the state (6,), which is `away` (6,) from the prediction."""
-        information = np.linalg.inv(self.covariance)
+        """Return the further change of rotation and shift (6,), which are `away` (6,) from the prediction."""
+        information = np.linalg.inv(self.covariance[:6, :6])
         told, said = self._told(left / SHARED, right / SHARED, steep)
         return np.asarray(np.linalg.solve(told + information, said - information @ away))
 
-    def finish(self, left: Floats, steep: int) -> None:
-        """Take the last normal equations, of some points at steep planes, into the covariance."""
-        information = np.linalg.inv(self.covariance)
+    def finish(self, away: Floats, left: Floats, steep: int) -> Floats:
+        """Return the change of the rates (3,), and take the last normal equations into the covariance.
+
+        Parameters
+        ----------
+        away
+            Rotation and shift (6,) less their prediction.
+        steep
+            Number of points at steep planes.
+        """
         told, _ = self._told(left / SHARED, np.zeros(6), steep)
-        self.covariance = np.linalg.inv(told + information)
+        rates = self.covariance[6:, :6] @ np.linalg.solve(self.covariance[:6, :6], away)
+        information = np.linalg.inv(self.covariance)
+        information[:6, :6] += told
+        self.covariance = np.linalg.inv(information)
         self._usual += (left / SHARED - self._usual) / SCANS
         self._usual_steep += (steep - self._usual_steep) / SCANS
+        return np.asarray(rates)
 
     def _told(self, left: Floats, right: Floats, steep: int) -> tuple[Floats, Floats]:
         """Return normal equations without the horizontal directions that the scan does not determine.

@@ -22,14 +22,13 @@ GAP_NS = 2_000_000_000  # without scans, after which the map begins anew
 MOST_POINTS = 24_000  # of an update, spread evenly over the scans
 FEWEST_POINTS = 300
 OLD_NS = 5_000_000_000
-SIGMA_M, GATE_M = 0.05, 0.4
-ROUNDS = 4
+SIGMAS_M, GATE_M = (0.15, 0.07, 0.05, 0.05), 0.4  # of the rounds
 LEAST_SHARE = 0.4  # of the points at a plane of the map, that lie in it
 MOST_RATE_MS = 2.0  # of a drift
 MOST_STEP_M, MOST_TURN_RAD = 0.15, np.radians(2.0)  # of one update, beside a drift
 MOST_TILT_RAD = np.radians(4.0)
 LOST_NS = 1_000_000_000  # without an axis, until it no longer counts as observed
-RATE_S = 2.0
+VELOCITY_MS = 0.03  # standard deviation of a velocity beside its drift
 FRESH_NS = 500_000_000
 DRIFT_NS, DRIFT_STEP_NS = 10_000_000_000, 500_000_000
 STUCK = 20  # updates refused in a row, after which the map begins anew
@@ -117,22 +116,21 @@ class LidarOdometry:
         seconds = (at_ns - self._last_ns) * 1e-9
         self._last_ns = at_ns
         predicted = self._filter.predict(
-            np.concatenate([correction.turn_rad, correction.shift_enu_m + correction.rate_enu_ms * seconds]),
-            seconds,
+            np.concatenate([correction.turn_rad, correction.shift_enu_m, correction.rate_enu_ms]), seconds
         )
         state, fits, known, placed = self._register(points, sensor_enu_m, at_ns, predicted, seconds)
         if not fits:
             self.refused += 1
             self._refused_in_row += 1
-            self._set(predicted, correction, sensor_enu_m, seconds, at_ns)
+            self._set(predicted, sensor_enu_m, at_ns)
             if self._refused_in_row >= STUCK:
                 self._restart()
             return
         self._refused_in_row = 0
         self.updates += 1
         self._seen_ns[self._filter.observed] = at_ns
-        self._set(state, correction, sensor_enu_m, seconds, at_ns)
-        self._map.add(placed, known, at_ns, sensor_enu_m + state[3:])
+        self._set(state, sensor_enu_m, at_ns)
+        self._map.add(placed, known, at_ns, sensor_enu_m + state[3:6])
 
     def _follow_drift(self, at_ns: int, shift_m: Floats, observed: bool) -> None:
         """Note the horizontal shift, each half second of the last ten while it is observed."""
@@ -154,13 +152,13 @@ class LidarOdometry:
         state, surfels = predicted.copy(), self._map
         placed, known = np.empty_like(points), np.empty(len(points), np.bool_)
         left, right = np.zeros((6, 6)), np.zeros(6)
-        met = matched = steep = 0
-        for _ in range(ROUNDS):
-            met, matched, steep = normal_equations(
+        met = matched = walls = steep = 0
+        for sigma_m in SIGMAS_M:
+            met, matched, walls, steep = normal_equations(
                 points,
                 pivot,
                 Correction(state[:3]).rotation,
-                state[3:],
+                state[3:6],
                 at_ns,
                 SIZES_M,
                 surfels.keys,
@@ -168,18 +166,16 @@ class LidarOdometry:
                 surfels.counts,
                 surfels.planes,
                 OLD_NS,
-                SIGMA_M,
+                sigma_m,
                 GATE_M,
                 placed,
                 known,
                 left,
                 right,
             )
-            change = self._filter.step(state - predicted, left, right, steep)
-            state = state + change
-            if np.abs(change[3:]).max() < 1e-3 and np.abs(change[:3]).max() < 1e-4:
-                break
-        moved = state - predicted
+            steep *= steep >= LEAST_SHARE * walls  # else the map is beside the scan
+            state[:6] += self._filter.step(state[:6] - predicted[:6], left, right, steep)
+        moved = state[:6] - predicted[:6]
         fits = (
             matched >= LEAST_SHARE * met
             and float(np.linalg.norm(moved[3:])) <= MOST_STEP_M + MOST_RATE_MS * seconds
@@ -187,20 +183,15 @@ class LidarOdometry:
             and float(np.linalg.norm(state[:2])) <= MOST_TILT_RAD
         )
         if fits:
-            self._filter.finish(left, steep)
+            state[6:] += self._filter.finish(moved, left, steep)
+            state[6:] *= self._filter.observed[3:]  # what is not observed goes on as the autopilot has it
         return state, bool(fits), known, placed
 
-    def _set(
-        self, state: Floats, before: Correction, pivot_enu_m: Floats, seconds: float, at_ns: int
-    ) -> None:
+    def _set(self, state: Floats, pivot_enu_m: Floats, at_ns: int) -> None:
         """Hand the correction to the history, and form the estimate."""
-        share = min(1.0, seconds / RATE_S)
         observed = at_ns - self._seen_ns < LOST_NS
-        rate = (state[3:] - before.shift_enu_m) / seconds
-        rate = before.rate_enu_ms + (rate - before.rate_enu_ms) * share
-        rate = np.where(observed[3:], rate, 0.0)
         self._follow_drift(at_ns, state[3:5], bool(observed[3:5].all()))
-        self._history.correction = Correction(state[:3], pivot_enu_m, state[3:], rate)
+        self._history.correction = Correction(state[:3], pivot_enu_m, state[3:6], state[6:])
         self._history.tracked_until_ns = at_ns + LOST_NS if observed.all() else None
         poses = self._history.interpolate(np.array([at_ns]))
         pose = self._history.latest(at_ns)
@@ -214,7 +205,7 @@ class LidarOdometry:
             velocity_enu_ms=pose.velocity_enu_ms,
             quat_wxyz=pose.quat_wxyz,
             pose_covariance=self._filter.covariance[np.ix_(order, order)],
-            velocity_covariance=np.diag([0.05**2] * 3),
+            velocity_covariance=self._filter.covariance[6:, 6:] + np.eye(3) * VELOCITY_MS**2,
             observed=observed[order],
             resets=self.restarts,
         )

@@ -33,7 +33,7 @@ def normal_equations(
     known: Array1D[np.bool_],
     left: Array2D[np.float64],
     right: Array1D[np.float64],
-) -> tuple[int, int, int]:
+) -> tuple[int, int, int, int]:
     """Write the normal equations of a small further rotation about the pivot and shift.
 
     Points (n, 3) are rotated about the pivot and shifted first (`moved_m`). A plane that is not steep tells
@@ -44,12 +44,13 @@ def normal_equations(
     Returns
     -------
     tuple of int
-        Points at a plane of the map, those within `gate_m` of it, and those of the latter at a steep plane.
+        Points at a plane of the map, those within `gate_m` of it, points at a steep plane, and those within
+        `gate_m` of it.
     """
     left[:, :] = 0.0
     right[:] = 0.0
     row = np.zeros(6)
-    met, matched, steep_ones = 0, 0, 0
+    met, matched, steep_met, steep_ones = 0, 0, 0, 0
     precision = 1 / (sigma_m * sigma_m)
     for i in range(len(points_m)):
         x, y, z = points_m[i, 0] - pivot_m[0], points_m[i, 1] - pivot_m[1], points_m[i, 2] - pivot_m[2]
@@ -73,14 +74,17 @@ def normal_equations(
             error = nx * cx + ny * cy + nz * cz - planes[level, j, 3]
             old = stamp_ns - first_ns[level, j] >= age_ns
             met += 1
+            steep = nz < STEEP and old and counts[level, j] >= FEWEST_STEEP
+            if steep:
+                steep_met += 1
             if abs(error) > gate_m:
                 break
             matched += 1
             known[i] = old
-            if nz < STEEP:
-                if not old or counts[level, j] < FEWEST_STEEP:
-                    break
+            if steep:
                 steep_ones += 1
+            elif nz < STEEP:
+                break
             else:
                 nx, ny, nz = 0.0, 0.0, 1.0
             row[0], row[1], row[2] = ly * nz - lz * ny, lz * nx - lx * nz, lx * ny - ly * nx
@@ -91,4 +95,4 @@ def normal_equations(
                 for b in range(6):
                     left[a, b] += weight * row[a] * row[b]
             break
-    return met, matched, steep_ones
+    return met, matched, steep_met, steep_ones
