@@ -23,6 +23,7 @@ from companion.flight.link.wire.signing import Signing
 from companion.flight.sensors.decoders.lightware_protocol import encode as lightware_frame
 from companion.flight.sensors.decoders.lightware_stream import LightwareStream
 from companion.flight.sensors.decoders.livox_protocol import LivoxControl
+from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.mavlink_ranges import MavlinkRanges
 from companion.flight.sensors.packet_stream import PacketStream
 from companion.flight.sensors.returns import Returns
@@ -175,6 +176,7 @@ class FuzzedSensor:
 
     def __init__(self, kind: str, metadata: str = "") -> None:
         self.stream = PacketStream(decoder_for(kind, metadata), Parameters(), sound, lambda: 0)
+        self.stream.on_imu(self._inertial)
         self.now_ns = 10**12
 
     def __call__(self, data: bytes) -> None:
@@ -187,6 +189,13 @@ class FuzzedSensor:
             raise AssertionError("a packet that is neither taken nor counted")
         if len(self.stream) >= 3:
             self.stream.flush(self.now_ns)
+
+    def _inertial(self, samples: ImuSamples) -> None:
+        """Pass samples within the range of such a unit, near the time of their arrival."""
+        if not samples.is_plausible or not len(samples):
+            raise AssertionError("inertial samples of no unit")
+        if abs(int(samples.stamp_ns[-1]) - self.now_ns) > 10**9:
+            raise AssertionError("inertial samples of another time")
 
 
 def sensor(kind: str, metadata: Callable[[], str] = str) -> Callable[[Path], Target]:
@@ -203,7 +212,7 @@ def mended_livox(data: bytes, rng: Random) -> bytes:
     out = bytearray(data.ljust(36, b"\0"))
     if rng.random() < 0.9:
         out[0] = 0
-        size = {1: 14, 2: 8, 3: 10}.get(out[10])
+        size = {0: 24, 1: 14, 2: 8, 3: 10}.get(out[10])
         if size is None:
             out[10], size = 1, 14
         count = (len(out) - 36) // size
@@ -223,12 +232,14 @@ def velodyne() -> Sequence[bytes]:
 
 def ouster() -> Sequence[bytes]:
     o = ouster_packets
-    return [o.ouster_packet(lambda r, c: (1000 + 10 * r, c), column=16 * k, frame=k) for k in range(3)]
+    points = [o.ouster_packet(lambda r, c: (1000 + 10 * r, c), column=16 * k, frame=k) for k in range(3)]
+    return [*points, o.new_imu_packet(stamp_ns=5_001_000_000)]
 
 
 def ouster_legacy() -> Sequence[bytes]:
     o = ouster_packets
-    return [o.ouster_packet(lambda r, c: (1000 * r, c), profile=o.LEGACY, column=16 * k) for k in range(3)]
+    points = [o.ouster_packet(lambda r, c: (1000 * r, c), profile=o.LEGACY, column=16 * k) for k in range(3)]
+    return [*points, o.legacy_imu_packet(stamp_ns=5_001_000_000)]
 
 
 def _ground() -> World:
@@ -277,12 +288,12 @@ class FuzzedControl:
     """The Mid-360's answers."""
 
     def __init__(self, _folder: Path) -> None:
-        self.control = LivoxControl("192.168.1.50", 56301)
+        self.control = LivoxControl("192.168.1.50", 56301, 56401)
         self.now_ns = 10**12
 
     def __call__(self, data: bytes) -> None:
         self.now_ns += 10**9
-        self.control.due(self.now_ns, None)
+        self.control.due(self.now_ns, None if self.now_ns % (3 * 10**9) else self.now_ns)
         self.control.on_datagram(data)
 
 
@@ -308,7 +319,12 @@ HARNESSES = (
     Harness("livox", livox, sensor("livox"), mended_livox),
     Harness("livox-control", control, FuzzedControl),
     Harness("velodyne", velodyne, sensor("velodyne")),
-    Harness("ouster", ouster, sensor("ouster", ouster_packets.metadata), cost=4),
+    Harness(
+        "ouster",
+        ouster,
+        sensor("ouster", lambda: ouster_packets.metadata(imu_profile=ouster_packets.NEW_IMU)),
+        cost=4,
+    ),
     Harness(
         "ouster-legacy",
         ouster_legacy,
