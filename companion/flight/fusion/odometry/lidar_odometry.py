@@ -28,6 +28,7 @@ MOST_RATE_MS = 2.0  # of a drift
 MOST_STEP_M, MOST_TURN_RAD = 0.15, np.radians(2.0)  # of one update, beside a drift
 MOST_TILT_RAD = np.radians(4.0)
 LOST_NS = 1_000_000_000  # without an axis, until it no longer counts as observed
+UNSURE_M, UNSURE_RAD = 0.5, np.radians(2.0)  # of an axis that is not observed, beside the filter's covariance
 VELOCITY_MS = 0.03  # standard deviation of a velocity beside its drift
 FRESH_NS = 500_000_000
 DRIFT_NS, DRIFT_STEP_NS = 10_000_000_000, 500_000_000
@@ -199,12 +200,13 @@ class LidarOdometry:
             self.estimate = None
             return
         order = [3, 4, 5, 0, 1, 2]
+        unsure = np.where(observed, 0.0, [UNSURE_RAD**2] * 3 + [UNSURE_M**2] * 3)
         self.estimate = OdometryEstimate(
             stamp_ns=pose.stamp_ns,
             position_enu_m=pose.position_enu_m,
             velocity_enu_ms=pose.velocity_enu_ms,
             quat_wxyz=pose.quat_wxyz,
-            pose_covariance=self._filter.covariance[np.ix_(order, order)],
+            pose_covariance=self._filter.covariance[np.ix_(order, order)] + np.diag(unsure[order]),
             velocity_covariance=self._filter.covariance[6:, 6:] + np.eye(3) * VELOCITY_MS**2,
             observed=observed[order],
             resets=self.restarts,
