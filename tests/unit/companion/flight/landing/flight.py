@@ -102,6 +102,8 @@ class Flight:
         self.estimate_lost = self.cause = ""
         self.target_lost_ns: int | None = None
         self.gps_lost = False
+        self.tracked: bool | None = None
+        self.gps_drift_m = 0.0
         self.sticks_us: tuple[int, int] | None = None
         self.lost = "LiDAR lost"
         self.far_zones: list[Zone] = []
@@ -153,6 +155,8 @@ class Flight:
             breached=self.breached,
             estimate_lost=self.estimate_lost,
             gps_lost=self.gps_lost,
+            tracked=self.tracked,
+            gps_drift_m=self.gps_drift_m,
             cause=self.cause,
             target_lost_ns=self.target_lost_ns,
             sticks_us=self.sticks_us,

@@ -265,6 +265,43 @@ def test_a_gps_that_lost_its_fix_is_told_at_once_and_once() -> None:
     assert sum("GPS lost" in text for text in flight.texts) == 1
 
 
+@pytest.mark.parametrize("phase", [Phase.APPROACH, Phase.DESCEND, Phase.FINAL])
+def test_without_gps_and_without_a_place_on_the_map_the_pilot_is_called_at_once(phase: Phase) -> None:
+    flight = flown_to(phase)
+    flight.gps_lost, flight.tracked = True, False
+    flight.run(0.7)
+    assert flight.texts[-1] == "SLZ: GPS lost, LiDAR sees too little: take over"
+
+
+def test_without_gps_the_landing_goes_on_by_the_lidar_and_calls_when_it_loses_the_place() -> None:
+    flight = flown_to(Phase.DESCEND, odometry="autopilot")
+    flight.gps_lost, flight.tracked = True, True
+    flight.run(0.7)
+    assert flight.texts[-1] == "SLZ: GPS lost: going on by the LiDAR"
+    flight.tracked = False
+    flight.run(0.7)
+    assert flight.texts[-1] == "SLZ: GPS lost, LiDAR sees too little: take over"
+
+
+def test_a_place_on_the_map_that_the_autopilot_does_not_know_does_not_keep_its_estimate() -> None:
+    flight = flown_to(Phase.DESCEND, odometry="map")
+    flight.gps_lost, flight.tracked = True, True
+    flight.run(0.7)
+    assert flight.texts[-1] == "SLZ: GPS lost: the estimate drifts, be ready"
+
+
+def test_a_gps_that_leaves_the_map_is_told_once() -> None:
+    flight = flown_to(Phase.DESCEND, odometry="map")
+    flight.tracked, flight.gps_drift_m = True, 0.7
+    flight.run(1)
+    assert not any("drifts" in text for text in flight.texts)
+    flight.gps_drift_m = 1.04
+    flight.run(5)
+    assert [text for text in flight.texts if "drifts" in text] == [
+        "SLZ: GPS drifts off the LiDAR, 1.0 m in 10 s"
+    ]
+
+
 def test_each_further_mode_of_a_failsafe_is_told() -> None:
     flight = flown_to(Phase.APPROACH)
     flight.mode, flight.failsafe = "RTL", True
