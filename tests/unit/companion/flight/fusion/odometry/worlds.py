@@ -86,9 +86,7 @@ class Odometer:
         t = self.now_ns * 1e-9
         points = self.world(self.rng)
         people = self.rng.random(len(points)) < self.crowd
-        walk = np.column_stack(
-            [self.rng.uniform(-10, 10, (len(points), 2)), self.rng.uniform(0, 2, len(points))]
-        )
+        walk = self.rng.uniform((-10, -10, 0), (10, 10, 2), points.shape)
         points = np.where(people[:, np.newaxis], walk, points) + self.rng.normal(0, NOISE_M, points.shape)
         return Scan(
             points_enu_m=points + self.error_enu_m(t),

@@ -297,9 +297,8 @@ def test_a_gps_that_leaves_the_map_is_told_once() -> None:
     assert not any("drifts" in text for text in flight.texts)
     flight.gps_drift_m = 1.04
     flight.run(5)
-    assert [text for text in flight.texts if "drifts" in text] == [
-        "SLZ: GPS drifts off the LiDAR, 1.0 m in 10 s"
-    ]
+    told = [text for text in flight.texts if "drifts" in text]
+    assert told == ["SLZ: GPS drifts off the LiDAR, 1.0 m in 10 s"]
 
 
 def test_each_further_mode_of_a_failsafe_is_told() -> None:
