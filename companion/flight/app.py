@@ -16,9 +16,11 @@ from companion.flight.doctor.autopilot_fitness import Fitness
 from companion.flight.flight_summary import flight_summary
 from companion.flight.flown_path import FlownPath
 from companion.flight.fusion.assembler import ScanAssembler
+from companion.flight.fusion.odometry.gyro_track import GyroTrack
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.fusion.second_sensor import open_beside
 from companion.flight.fusion.wind_estimate import WindEstimate
+from companion.flight.geometry.sensor_mount import Mount
 from companion.flight.landing.executive import Executive
 from companion.flight.landing.landing_memory import LandingMemory
 from companion.flight.landing.mavlink_orders import MavlinkOrders
@@ -135,7 +137,8 @@ class Companion:
             self.link, self.history, self.worker, self.executive, self.obstacles, self.watch,
             lambda: self.assembler.scans, lambda: (self.recordings.recorder, self.live),
         )  # fmt: skip
-        self.odometry = None if parameters.odometry == "off" else _odometry(self.history)
+        gyro = GyroTrack(Mount(parameters))
+        self.odometry = None if parameters.odometry == "off" else _odometry(self.history, gyro)
         self.assembler = ScanAssembler(
             parameters, self.history, self.feed.add_lidar_scan, self.specks, self.odometry
         )
@@ -143,6 +146,9 @@ class Companion:
         self.lidar: Lidar = open_lidar(
             lidar_url, parameters, self.assembler.add, self.link, wall_offset_ns=wall_offset_ns
         )
+        if self.odometry is not None:
+            self.lidar.on_imu(gyro.add_samples)
+            self.link.on_attitude.subscribe(gyro.add_attitude)
         self.radar: Lidar | None = None
         if radar_url is not None:
             self.radar = open_beside(radar_url, parameters, self.history, self.feed.add_radar_scan)
@@ -294,10 +300,10 @@ class Companion:
         await self.link.close()
 
 
-def _odometry(history: PoseHistory) -> LidarOdometry:
+def _odometry(history: PoseHistory, gyro: GyroTrack) -> LidarOdometry:
     from companion.flight.fusion.odometry.lidar_odometry import LidarOdometry  # its kernels when it is used
 
-    return LidarOdometry(history)
+    return LidarOdometry(history, gyro)
 
 
 def _page(companion: Companion, front: PageEndpoint) -> Page:

@@ -60,7 +60,7 @@ class CorrectionFilter:
         self.covariance = move @ self.covariance @ move.T + np.diag([tilt, tilt, *grown, rate, rate, rate])
         return np.asarray(move @ state)
 
-    def step(self, away: Floats, left: Floats, right: Floats, steep: int) -> Floats:
+    def change(self, away: Floats, left: Floats, right: Floats, steep: int) -> Floats:
         """Return the further change of rotation and shift (6,), which are `away` (6,) from the prediction."""
         information = np.linalg.inv(self.covariance[:6, :6])
         told, said = self._told(left / SHARED, right / SHARED, steep)

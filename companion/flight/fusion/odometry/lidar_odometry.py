@@ -7,9 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from companion.flight.fusion.odometry.correction import Correction
 from companion.flight.fusion.odometry.correction_filter import CorrectionFilter
+from companion.flight.fusion.odometry.gyro_track import GyroTrack
 from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
 from companion.flight.fusion.odometry.registration_kernel import normal_equations
 from companion.flight.fusion.odometry.surfel_map import SIZES_M, SurfelMap
@@ -38,6 +40,14 @@ STUCK = 20  # updates refused in a row, after which the map begins anew
 class LidarOdometry:
     """Odometry of one LiDAR, which sets the history's correction.
 
+    Parameters
+    ----------
+    history
+        The autopilot's poses, which the correction moves to the map.
+    gyro
+        Rotations by the LiDAR's own gyroscope: what the autopilot's heading turns beyond them is its error.
+        None for a LiDAR without one.
+
     Attributes
     ----------
     updates, refused
@@ -47,7 +57,8 @@ class LidarOdometry:
         Times the map began anew.
     """
 
-    def __init__(self, history: PoseHistory) -> None:
+    def __init__(self, history: PoseHistory, gyro: GyroTrack | None = None) -> None:
+        self._gyro = gyro
         self._history = history
         self._map, self._filter = SurfelMap(), CorrectionFilter()
         self._waiting: list[Scan] = []
@@ -115,6 +126,7 @@ class LidarOdometry:
             self._map.add(placed, np.zeros(len(points), np.bool_), at_ns, sensor_enu_m)
             return
         seconds = (at_ns - self._last_ns) * 1e-9
+        correction = replace(correction, turn_rad=correction.turn_rad + self._heading_error(at_ns))
         self._last_ns = at_ns
         predicted = self._filter.predict(
             np.concatenate([correction.turn_rad, correction.shift_enu_m, correction.rate_enu_ms]), seconds
@@ -132,6 +144,16 @@ class LidarOdometry:
         self._seen_ns[self._filter.observed] = at_ns
         self._set(state, sensor_enu_m, at_ns)
         self._map.add(placed, known, at_ns, sensor_enu_m + state[3:6])
+
+    def _heading_error(self, at_ns: int) -> Floats:
+        """Return by how much the LiDAR turned more than the autopilot's heading since the last scan (3,)."""
+        turned = None if self._gyro is None else self._gyro.rotation_between(self._last_ns or at_ns, at_ns)
+        poses = self._history.interpolate(np.array([self._last_ns or at_ns, at_ns]))
+        if turned is None or not poses.valid.all():
+            return np.zeros(3)
+        before, after = poses.rotation_enu_from_frd
+        error = Rotation.from_matrix(before @ turned @ after.T).as_rotvec()
+        return np.array([0.0, 0.0, error[2]])
 
     def _follow_drift(self, at_ns: int, shift_m: Floats, observed: bool) -> None:
         """Note the horizontal shift, each half second of the last ten while it is observed."""
@@ -175,7 +197,7 @@ class LidarOdometry:
                 right,
             )
             steep *= steep >= LEAST_SHARE * walls  # else the map is beside the scan
-            state[:6] += self._filter.step(state[:6] - predicted[:6], left, right, steep)
+            state[:6] += self._filter.change(state[:6] - predicted[:6], left, right, steep)
         moved = state[:6] - predicted[:6]
         fits = (
             matched >= LEAST_SHARE * met

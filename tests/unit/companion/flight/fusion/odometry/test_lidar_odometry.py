@@ -63,6 +63,17 @@ def test_an_axis_that_is_not_observed_is_less_sure() -> None:
     assert across < 0.1 < 0.4 < along
 
 
+def turning_later(t: float) -> float:
+    return float(np.radians(min(8.0, 1.0 * max(0.0, t - BEGINNING_S))))
+
+
+def test_a_heading_that_drifts_is_held_by_the_gyroscope_in_the_lidar() -> None:
+    odometer = Odometer(plain, yaw_error_rad=turning_later).run(16)
+    w, _, _, z = estimate_of(odometer).quat_wxyz
+    assert abs(np.degrees(2 * np.arctan2(z, w))) < 0.5
+    assert np.degrees(turning_later(16.0)) > 7.9
+
+
 def test_a_gps_that_drifts_a_decimetre_a_second_is_noticed_within_ten_seconds() -> None:
     odometer = Odometer(courtyard, carried_off).run(BEGINNING_S)
     assert odometer.odometry.gps_drift_m < 0.2

@@ -7,22 +7,26 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
+from companion.flight.fusion.odometry.gyro_track import GyroTrack
 from companion.flight.fusion.odometry.lidar_odometry import LidarOdometry
 from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.geometry.sensor_mount import Mount
+from companion.flight.sensors.imu_samples import ImuSamples
 from params import Parameters
 from slz import LocalFrame, Scan
 
 Floats = NDArray[np.float64]
 HOME = LocalFrame(47.397742, 8.545594, 488.0)
-SCAN_NS, STEP_NS = 50_000_000, 10_000_000
+SCAN_NS, STEP_NS = 50_000_000, 25_000_000
 HEIGHT_M, NOISE_M = 12.0, 0.02
 
 
 def ground(rng: np.random.Generator) -> Floats:
     """Points of level ground within 25 m."""
-    away, angle = 25.0 * np.sqrt(rng.random(3000)), rng.uniform(0, 2 * np.pi, 3000)
-    return np.column_stack([away * np.cos(angle), away * np.sin(angle), np.zeros(3000)])
+    away, angle = 25.0 * np.sqrt(rng.random(2000)), rng.uniform(0, 2 * np.pi, 2000)
+    return np.column_stack([away * np.cos(angle), away * np.sin(angle), np.zeros(2000)])
 
 
 def wall(rng: np.random.Generator, x: float | None, y: float | None) -> Floats:
@@ -53,19 +57,21 @@ def courtyard(rng: np.random.Generator) -> Floats:
 class Odometer:
     """A vehicle that hovers, swaying a little, over a world.
 
-    error_enu_m: of the autopilot's position by time. crowd: share of the returns that come from people who
-    walk about.
+    error_enu_m: of the autopilot's position by time. yaw_error_rad: of its heading, clockwise.
+    crowd: share of the returns that come from people who walk about.
     """
 
     world: Callable[[np.random.Generator], Floats]
     error_enu_m: Callable[[float], Floats] = field(default=lambda _t: np.zeros(3))
+    yaw_error_rad: Callable[[float], float] = field(default=lambda _t: 0.0)
     crowd: float = 0.0
     seed: int = 1
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.seed)
         self.history = PoseHistory(Parameters(), HOME)
-        self.odometry = LidarOdometry(self.history)
+        self.gyro = GyroTrack(Mount(Parameters()))
+        self.odometry = LidarOdometry(self.history, self.gyro)
         self.now_ns = 0
         self.offsets: list[Floats] = []  # of the pose on the map from the true one, by scan
 
@@ -89,11 +95,16 @@ class Odometer:
         walk = self.rng.uniform((-10, -10, 0), (10, 10, 2), points.shape)
         points = np.where(people[:, np.newaxis], walk, points) + self.rng.normal(0, NOISE_M, points.shape)
         return Scan(
-            points_enu_m=points + self.error_enu_m(t),
+            points_enu_m=self._turned(points - self.true_enu_m(t)) + self.true_enu_m(t) + self.error_enu_m(t),
             stamp_ns=np.linspace(self.now_ns - SCAN_NS + 1, self.now_ns, len(points)).astype(np.int64),
             sensor_enu_m=self.true_enu_m(t) + self.error_enu_m(t),
             frame=HOME,
         )
+
+    def _turned(self, points: Floats) -> Floats:
+        """Points around the vehicle, turned clockwise by the error of its heading."""
+        angle = self.yaw_error_rad(self.now_ns * 1e-9)
+        return np.asarray(points @ Rotation.from_rotvec([0, 0, -angle]).as_matrix().T)
 
     def _fly(self, span_ns: int) -> None:
         for _ in range(span_ns // STEP_NS):
@@ -101,5 +112,9 @@ class Odometer:
             t = self.now_ns * 1e-9
             lat, lon, alt = HOME.lla(self.true_enu_m(t) + self.error_enu_m(t))
             east, north = 0.15 * np.cos(0.3 * t), -0.2 * np.sin(0.4 * t)
-            self.history.add_attitude(self.now_ns, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+            half = self.yaw_error_rad(t) / 2
+            self.history.add_attitude(self.now_ns, (np.cos(half), 0.0, 0.0, np.sin(half)), (0.0, 0.0, 0.0))
+            self.gyro.add_attitude(self.now_ns, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+            still, gravity = np.zeros((1, 3)), np.array([[0.0, 0.0, 9.81]])
+            self.gyro.add_samples(ImuSamples(np.array([self.now_ns]), still, gravity))
             self.history.add_position(self.now_ns, float(lat), float(lon), float(alt), (north, east, 0.0))
