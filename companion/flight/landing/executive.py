@@ -362,8 +362,10 @@ class Executive:
                 self.state.say(Severity.CRITICAL, f"{breach.what}: take over")
             case Reaction.TELL if breach.precondition is Precondition.GPS:
                 aided = s.tracked and self._p.odometry == "autopilot"
-                what = "going on by the LiDAR" if aided else "the estimate drifts, be ready"
-                self.state.say(Severity.CRITICAL, f"GPS lost: {what}")
+                self.state.say(
+                    Severity.CRITICAL,
+                    "GPS lost: going on by the LiDAR" if aided else "GPS lost: the estimate drifts, be ready",
+                )
             case Reaction.TELL if breach.precondition is Precondition.DRIFT:
                 self.state.say(Severity.CRITICAL, f"GPS drifts off the LiDAR, {s.gps_drift_m:.1f} m in 10 s")
             case Reaction.TELL:
