@@ -36,6 +36,7 @@ IN_FLIGHT = VehicleState(
 KNOWN = {
     "MAV_CMD_DO_SET_MODE",
     "MAV_CMD_REQUEST_MESSAGE",  # for the version, by the doctor alone
+    "MAV_CMD_SET_EKF_SOURCE_SET",  # to ArduPilot alone
     "MAV_CMD_SET_MESSAGE_INTERVAL",
     "MAV_CMD_USER_1",
 }
