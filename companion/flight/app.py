@@ -16,11 +16,10 @@ from companion.flight.doctor.autopilot_fitness import Fitness
 from companion.flight.flight_summary import flight_summary
 from companion.flight.flown_path import FlownPath
 from companion.flight.fusion.assembler import ScanAssembler
-from companion.flight.fusion.odometry.gyro_track import GyroTrack
+from companion.flight.fusion.odometry.opening import open_odometry
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.fusion.second_sensor import open_beside
 from companion.flight.fusion.wind_estimate import WindEstimate
-from companion.flight.geometry.sensor_mount import Mount
 from companion.flight.landing.executive import Executive
 from companion.flight.landing.landing_memory import LandingMemory
 from companion.flight.landing.mavlink_orders import MavlinkOrders
@@ -58,7 +57,6 @@ from slz import Report, SpeckDetector, TerrainMaps
 if TYPE_CHECKING:
     from companion.flight.dashboard.page import Page, PageEndpoint
     from companion.flight.foxglove.live_view import LiveView
-    from companion.flight.fusion.odometry.lidar_odometry import LidarOdometry
 
 log = logging.getLogger(__name__)
 
@@ -137,8 +135,7 @@ class Companion:
             self.link, self.history, self.worker, self.executive, self.obstacles, self.watch,
             lambda: self.assembler.scans, lambda: (self.recordings.recorder, self.live),
         )  # fmt: skip
-        gyro = GyroTrack(Mount(parameters))
-        self.odometry = None if parameters.odometry == "off" else _odometry(self.history, gyro)
+        self.odometry = open_odometry(parameters, self.history)
         self.assembler = ScanAssembler(
             parameters, self.history, self.feed.add_lidar_scan, self.specks, self.odometry
         )
@@ -147,8 +144,8 @@ class Companion:
             lidar_url, parameters, self.assembler.add, self.link, wall_offset_ns=wall_offset_ns
         )
         if self.odometry is not None:
-            self.lidar.on_imu(gyro.add_samples)
-            self.link.on_attitude.subscribe(gyro.add_attitude)
+            self.lidar.on_imu(self.odometry.gyro.add_samples)
+            self.link.on_attitude.subscribe(self.odometry.gyro.add_attitude)
         self.radar: Lidar | None = None
         if radar_url is not None:
             self.radar = open_beside(radar_url, parameters, self.history, self.feed.add_radar_scan)
@@ -298,12 +295,6 @@ class Companion:
             self._execution.stop_vehicle()
         await asyncio.sleep(0.2)
         await self.link.close()
-
-
-def _odometry(history: PoseHistory, gyro: GyroTrack) -> LidarOdometry:
-    from companion.flight.fusion.odometry.lidar_odometry import LidarOdometry  # its kernels when it is used
-
-    return LidarOdometry(history, gyro)
 
 
 def _page(companion: Companion, front: PageEndpoint) -> Page:

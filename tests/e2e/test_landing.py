@@ -46,6 +46,29 @@ def test_surveys_chooses_and_lands_on_safe_ground_and_again_in_the_replay(
     assert again["zones"] == mission.companion.summary["zones"]
 
 
+@pytest.mark.timeout(600)
+def test_with_odometry_it_lands_by_the_map_and_again_in_the_replay(tmp_path: Path) -> None:
+    """Between the stands the place is observed: the replay has the same corrections, or its windows differ."""
+    recording = tmp_path / "flight.mcap"
+    sensor = {"lidar_ms": 50, "tick_ns": 10_000_000, "point_rate_hz": 100_000}
+    mission = Mission(
+        "stadium", seed=2, height_m=13.0, survey_s=5.0, simulated=sensor, record=recording, odometry="map"
+    )
+
+    async def script(m: Mission) -> None:
+        await m.until_phase(Phase.LANDED)
+        await m.until(lambda: not m.sim.autopilot.armed, 10)
+
+    mission.fly(script)
+    assert mission.touchdown_safe()
+    odometry = mission.companion.odometry
+    assert odometry is not None
+    assert odometry.updates > 100
+    assert abs(mission.companion.history.correction.shift_enu_m[2]) > 0.02  # the barometer drifted
+    again = replay.run(recording, [], None, 0.0, (0.0, 1e9))
+    assert again["identical"] == again["windows"] == mission.companion.worker.reports > 20
+
+
 def test_a_vlp16_finds_a_zone_in_the_climb() -> None:
     """Its packets through the whole program; landings with it are flown on request."""
     mission = Mission(seed=2, lidar="vlp16", auto=False)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from companion.desk.replay.own_replay import ReplayOutcome
 from companion.flight.fusion.assembler import ScanAssembler
+from companion.flight.fusion.odometry.opening import open_odometry
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.sensors.imu_samples import ImuSamples
@@ -79,12 +80,15 @@ class Rerun:
     def __init__(self, parameters: Parameters, frame: LocalFrame | None = None) -> None:
         self.parameters = parameters
         self.history = PoseHistory(parameters, frame)
-        self.assembler = ScanAssembler(parameters, self.history, self._on_scan, SpeckDetector())
+        odometry = open_odometry(parameters, self.history)
+        self.assembler = ScanAssembler(parameters, self.history, self._on_scan, SpeckDetector(), odometry)
         self.outcome = ReplayOutcome()
         self.report: Report | None = None
         self.standing = False
         self.standing_scans = 0
         self.on_imu: Event[[ImuSamples]] = Event()
+        if odometry is not None:
+            self.on_imu.subscribe(odometry.gyro.add_samples)
         self.returns = 0
         self.span_ns: tuple[int, int] | None = None
         self.poses_ns: tuple[int, int] | None = None

@@ -74,7 +74,8 @@ class Replay:
     def __init__(self, header: Header, parameters: Parameters) -> None:
         self.parameters = parameters
         self._sensors = RecordedSensors(header, parameters, self._on_returns)
-        self._assembler = ScanAssembler(parameters, self._sensors.history, self._on_scan, SpeckDetector())
+        history, odometry = self._sensors.history, self._sensors.odometry
+        self._assembler = ScanAssembler(parameters, history, self._on_scan, SpeckDetector(), odometry)
         self._pipeline = Pipeline(parameters)
         self._scans: deque[tuple[int, Scan]] = deque(maxlen=MOST_SCANS)
         self._before = header.scans

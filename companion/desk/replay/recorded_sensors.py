@@ -7,6 +7,7 @@ import struct
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.desk.replay.recording_reader import Header, Raw
+from companion.flight.fusion.odometry.opening import open_odometry
 from companion.flight.fusion.pose_history import CAPACITY, PoseHistory
 from companion.flight.link.command_server import CommandServer
 from companion.flight.link.inbox import Inbox
@@ -42,6 +43,8 @@ class RecordedSensors:
     ----------
     history
         The vehicle's poses.
+    odometry
+        Odometry of the scans, None where the parameters have it off.
     on_imu
         Event of the LiDAR's inertial samples, as in the driver.
     """
@@ -65,6 +68,10 @@ class RecordedSensors:
         self._inbox.attitude.subscribe(self.history.add_attitude)
         self._inbox.position.subscribe(self.history.add_position)
         self._inbox.rebooted.subscribe(self.history.clear)
+        self.odometry = open_odometry(parameters, self.history)
+        if self.odometry is not None:
+            self.on_imu.subscribe(self.odometry.gyro.add_samples)
+            self._inbox.attitude.subscribe(self.odometry.gyro.add_attitude)
 
     @property
     def vehicle(self) -> VehicleState:

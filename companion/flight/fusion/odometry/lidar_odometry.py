@@ -45,8 +45,8 @@ class LidarOdometry:
     history
         The autopilot's poses, which the correction moves to the map.
     gyro
-        Rotations by the LiDAR's own gyroscope: what the autopilot's heading turns beyond them is its error.
-        None for a LiDAR without one.
+        Rotations by the LiDAR's own gyroscope, if it has one: what the autopilot's heading turns beyond them
+        is its error.
 
     Attributes
     ----------
@@ -57,8 +57,8 @@ class LidarOdometry:
         Times the map began anew.
     """
 
-    def __init__(self, history: PoseHistory, gyro: GyroTrack | None = None) -> None:
-        self._gyro = gyro
+    def __init__(self, history: PoseHistory, gyro: GyroTrack) -> None:
+        self.gyro = gyro
         self._history = history
         self._map, self._filter = SurfelMap(), CorrectionFilter()
         self._waiting: list[Scan] = []
@@ -147,7 +147,7 @@ class LidarOdometry:
 
     def _heading_error(self, at_ns: int) -> Floats:
         """Return by how much the LiDAR turned more than the autopilot's heading since the last scan (3,)."""
-        turned = None if self._gyro is None else self._gyro.rotation_between(self._last_ns or at_ns, at_ns)
+        turned = self.gyro.rotation_between(self._last_ns or at_ns, at_ns)
         poses = self._history.interpolate(np.array([self._last_ns or at_ns, at_ns]))
         if turned is None or not poses.valid.all():
             return np.zeros(3)
