@@ -20,7 +20,7 @@ SHARED = 10.0
 # A horizontal axis is corrected if a usual scan tells it this surely: less sure ones follow the bias of a few
 # points. It counts as observed, so that a vehicle may land by it without GPS, if a usual scan tells it more
 # surely: at 0.15 m the estimate went 38 m off, in a closed loop with an autopilot.
-CORRECTED_M, OBSERVED_M = 0.2, 0.08
+CORRECTED_M, OBSERVED_M = 0.14, 0.08
 SURE_RAD = np.radians(0.3)
 FEWEST_STEEP = 40  # points at steep planes, below which they may be those of a bush
 SURE_UP_M = 0.02
