@@ -48,7 +48,7 @@ def test_surveys_chooses_and_lands_on_safe_ground_and_again_in_the_replay(
 
 @pytest.mark.timeout(600)
 def test_with_odometry_it_lands_by_the_map_and_again_in_the_replay(tmp_path: Path) -> None:
-    """Between the stands the place is observed: the replay has the same corrections, or its windows differ."""
+    """Between the stands the place is observed: the replay has the same corrections, or other windows."""
     recording = tmp_path / "flight.mcap"
     sensor = {"lidar_ms": 50, "tick_ns": 10_000_000, "point_rate_hz": 100_000}
     mission = Mission(
