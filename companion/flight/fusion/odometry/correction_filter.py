@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 SHIFT, RATE = slice(3, 6), slice(6, 9)
-YAW, UP = 2, 5
+YAW, EAST, NORTH, UP = 2, 3, 4, 5
 
 # Errors of an autopilot's estimate. A tilt is corrected by gravity: it stays small, and the correction
 # returns to zero. Heading and position wander.
@@ -81,6 +81,12 @@ class CorrectionFilter:
         information = np.linalg.inv(self.covariance)
         information[:6, :6] += told
         self.covariance = np.linalg.inv(information)
+        for axis in (EAST, NORTH):
+            if not self.observed[axis]:  # else it would follow the tilt, by what was once told of both
+                own = [axis, axis + 3]
+                block = self.covariance[np.ix_(own, own)]
+                self.covariance[own] = self.covariance[:, own] = 0.0
+                self.covariance[np.ix_(own, own)] = block
         self._usual += (left / SHARED - self._usual) / SCANS
         self._usual_steep += (steep - self._usual_steep) / SCANS
         return np.asarray(rates)
