@@ -15,7 +15,7 @@ TILT_RAD, TILT_S = np.radians(0.3), 20.0
 YAW_RAD_SQRT_S, AWAY_M_SQRT_S, UP_M_SQRT_S = np.radians(0.1), 0.02, 0.03
 # A drift: that of a position without GPS, 0.034 m/s2 in ArduPilot, or one carried off by a false signal.
 RATE_MS, RATE_S = 0.05, 5.0
-# Errors that all points of a scan share: each counts as this share of an independent one.
+# Points of a scan share errors, of pose and plane: so many count as one independent point.
 SHARED = 10.0
 # A horizontal axis is corrected if a usual scan tells it this surely: less sure ones follow the bias of a few
 # points. It counts as observed, so that a vehicle may land by it without GPS, if a usual scan tells it more

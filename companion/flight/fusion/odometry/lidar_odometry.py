@@ -55,6 +55,8 @@ class LidarOdometry:
         vehicle and no autopilot makes.
     restarts
         Times the map began anew.
+    estimate
+        Newest pose on the map; None before the second update, and while the autopilot's pose is stale.
     """
 
     def __init__(self, history: PoseHistory, gyro: GyroTrack) -> None:
@@ -113,7 +115,7 @@ class LidarOdometry:
         self._track.clear()
         self._refused_in_row = 0
         self._filter = CorrectionFilter()
-        self.estimate = None
+        self.estimate = self._history.tracked_until_ns = None
         self.restarts += 1
 
     def _update(self, points: Floats, sensor_enu_m: Floats, at_ns: int) -> None:

@@ -115,3 +115,6 @@ def test_scans_of_another_world_are_refused_and_do_not_move_the_vehicle() -> Non
     assert odometer.odometry.refused > 0
     assert np.abs(odometer.offsets[-1] - before).max() < 0.1
     assert not odometer.odometry.is_tracking(odometer.now_ns)
+    odometer.run(2)
+    assert odometer.odometry.restarts == 1
+    assert odometer.history.tracked_until_ns is None
