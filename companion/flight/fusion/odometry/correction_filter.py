@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 SHIFT, RATE = slice(3, 6), slice(6, 9)
-YAW, EAST, NORTH, UP = 2, 3, 4, 5
+YAW, UP = 2, 5
+PLACE, PLACE_RATE = slice(3, 5), slice(6, 8)
 
 # Errors of an autopilot's estimate. A tilt is corrected by gravity: it stays small, and the correction
 # returns to zero. Heading and position wander.
@@ -15,12 +16,9 @@ TILT_RAD, TILT_S = np.radians(0.3), 20.0
 YAW_RAD_SQRT_S, AWAY_M_SQRT_S, UP_M_SQRT_S = np.radians(0.1), 0.02, 0.03
 # A drift: that of a position without GPS, 0.034 m/s2 in ArduPilot, or one carried off by a false signal.
 RATE_MS, RATE_S = 0.05, 5.0
-# Points of a scan share errors, of pose and plane: so many count as one independent point.
-SHARED = 10.0
-# A horizontal axis is corrected if a usual scan tells it this surely: less sure ones follow the bias of a few
-# points. It counts as observed, so that a vehicle may land by it without GPS, if a usual scan tells it more
-# surely: at 0.15 m the estimate went 38 m off, in a closed loop with an autopilot.
-CORRECTED_M, OBSERVED_M = 0.14, 0.08
+# A horizontal axis is corrected, and counts as observed, if a usual scan tells it this surely: less sure ones
+# follow the bias of a few points. At 0.15 m the estimate went 38 m off, in a closed loop with an autopilot.
+OBSERVED_M = 0.08
 SURE_RAD = np.radians(0.3)
 FEWEST_STEEP = 40  # points at steep planes, below which they may be those of a bush
 SURE_UP_M = 0.02
@@ -47,6 +45,7 @@ class CorrectionFilter:
         self.covariance = np.zeros((9, 9))
         self.covariance[RATE, RATE] = np.eye(3) * RATE_MS**2
         self.observed = np.zeros(6, np.bool_)
+        self._unknown = np.eye(2)  # projection on the horizontal directions that the last scans do not tell
         self._usual, self._usual_steep = np.zeros((6, 6)), 0.0  # of the last scans
 
     def predict(self, state: Floats, seconds: float) -> Floats:
@@ -63,8 +62,10 @@ class CorrectionFilter:
     def change(self, away: Floats, left: Floats, right: Floats, steep: int) -> Floats:
         """Return the further change of rotation and shift (6,), which are `away` (6,) from the prediction."""
         information = np.linalg.inv(self.covariance[:6, :6])
-        told, said = self._told(left / SHARED, right / SHARED, steep)
-        return np.asarray(np.linalg.solve(told + information, said - information @ away))
+        told, said = self._told(left, right, steep)
+        change = np.linalg.solve(told + information, said - information @ away)
+        change[PLACE] -= self._unknown @ change[PLACE]
+        return np.asarray(change)
 
     def finish(self, away: Floats, left: Floats, steep: int) -> Floats:
         """Return the change of the rates (3,), and take the last normal equations into the covariance.
@@ -76,20 +77,25 @@ class CorrectionFilter:
         steep
             Number of points at steep planes.
         """
-        told, _ = self._told(left / SHARED, np.zeros(6), steep)
+        told, _ = self._told(left, np.zeros(6), steep)
         rates = self.covariance[6:, :6] @ np.linalg.solve(self.covariance[:6, :6], away)
+        rates[:2] -= self._unknown @ rates[:2]
         information = np.linalg.inv(self.covariance)
         information[:6, :6] += told
-        self.covariance = np.linalg.inv(information)
-        for axis in (EAST, NORTH):
-            if not self.observed[axis]:  # else it would follow the tilt, by what was once told of both
-                own = [axis, axis + 3]
-                block = self.covariance[np.ix_(own, own)]
-                self.covariance[own] = self.covariance[:, own] = 0.0
-                self.covariance[np.ix_(own, own)] = block
-        self._usual += (left / SHARED - self._usual) / SCANS
+        covariance = np.linalg.inv(information)
+        # What is not told does not follow the rest, by what was once told of both.
+        unknown = np.zeros((9, 9))
+        unknown[PLACE, PLACE] = unknown[PLACE_RATE, PLACE_RATE] = self._unknown
+        rest = np.eye(9) - unknown
+        self.covariance = rest @ covariance @ rest + unknown @ covariance @ unknown
+        self._usual += (left - self._usual) / SCANS
         self._usual_steep += (steep - self._usual_steep) / SCANS
         return np.asarray(rates)
+
+    def known_rates(self, rates: Floats) -> Floats:
+        """Return rates (3,) of the shift without those along directions that the last scans do not tell."""
+        place = rates[:2] - self._unknown @ rates[:2]
+        return np.append(place, rates[2] * self.observed[UP])
 
     def _told(self, left: Floats, right: Floats, steep: int) -> tuple[Floats, Floats]:
         """Return normal equations without the horizontal directions that the scan does not determine.
@@ -102,11 +108,10 @@ class CorrectionFilter:
         flat = usual[3:5, 3:5] - np.outer(usual[3:5, YAW], usual[3:5, YAW]) / yaw
         values, axes = np.linalg.eigh(flat)
         many = self._usual_steep + (steep - self._usual_steep) / SCANS >= FEWEST_STEEP
-        weak = axes[:, values < 1 / CORRECTED_M**2] if many else axes
-        unsure = axes[:, values < 1 / OBSERVED_M**2] if many else axes
-        sure = 1 - (unsure**2).sum(axis=1)  # share of each axis that is observed
+        weak = axes[:, values < 1 / OBSERVED_M**2] if many else axes
+        self._unknown = weak @ weak.T
         keep = np.eye(6)
-        keep[3:5, 3:5] -= weak @ weak.T
+        keep[PLACE, PLACE] -= self._unknown
         turns = weak.shape[1] < 2 and usual[YAW, YAW] >= 1 / SURE_RAD**2
         if not turns:
             keep[YAW, YAW] = 0.0
@@ -115,7 +120,7 @@ class CorrectionFilter:
                 usual[0, 0] >= 1 / SURE_RAD**2,
                 usual[1, 1] >= 1 / SURE_RAD**2,
                 turns,
-                *(sure > 0.9),
+                *(np.diag(self._unknown) < 0.1),
                 usual[UP, UP] >= 1 / SURE_UP_M**2,
             ]
         )

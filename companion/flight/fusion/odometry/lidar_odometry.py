@@ -14,6 +14,7 @@ from companion.flight.fusion.odometry.correction_filter import CorrectionFilter
 from companion.flight.fusion.odometry.gyro_track import GyroTrack
 from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
 from companion.flight.fusion.odometry.registration_kernel import normal_equations
+from companion.flight.fusion.odometry.step_map import StepMap
 from companion.flight.fusion.odometry.surfel_map import SIZES_M, SurfelMap
 from companion.flight.fusion.pose_history import PoseHistory
 from slz import Scan
@@ -25,6 +26,9 @@ MOST_POINTS = 24_000  # of an update, spread evenly over the scans
 FEWEST_POINTS = 300
 OLD_NS = 5_000_000_000
 SIGMAS_M, GATE_M = (0.15, 0.07, 0.05, 0.05), 0.4  # of the rounds
+# Points of a scan share errors, of pose and plane: so many count as one independent point.
+SHARED = 10.0
+STEPS_ROUND = 2  # of the rounds: height and tilt fit by then
 LEAST_SHARE = 0.4  # of the points at a plane of the map, that lie in it
 MOST_RATE_MS = 2.0  # of a drift
 MOST_STEP_M, MOST_TURN_RAD = 0.15, np.radians(2.0)  # of one update, beside a drift
@@ -62,7 +66,7 @@ class LidarOdometry:
     def __init__(self, history: PoseHistory, gyro: GyroTrack) -> None:
         self.gyro = gyro
         self._history = history
-        self._map, self._filter = SurfelMap(), CorrectionFilter()
+        self._map, self._steps, self._filter = SurfelMap(), StepMap(), CorrectionFilter()
         self._waiting: list[Scan] = []
         self._last_ns: int | None = None
         self._epoch = history.epoch
@@ -110,6 +114,7 @@ class LidarOdometry:
     def _restart(self) -> None:
         """Begin the map anew; the correction stays."""
         self._map.clear()
+        self._steps.clear()
         self._waiting, self._last_ns = [], None
         self._seen_ns[:] = 0
         self._track.clear()
@@ -126,6 +131,7 @@ class LidarOdometry:
             self._last_ns = at_ns
             placed = correction.points(points)
             self._map.add(placed, np.zeros(len(points), np.bool_), at_ns, sensor_enu_m)
+            self._steps.add(placed, at_ns)
             return
         seconds = (at_ns - self._last_ns) * 1e-9
         correction = replace(correction, turn_rad=correction.turn_rad + self._heading_error(at_ns))
@@ -146,6 +152,7 @@ class LidarOdometry:
         self._seen_ns[self._filter.observed] = at_ns
         self._set(state, sensor_enu_m, at_ns)
         self._map.add(placed, known, at_ns, sensor_enu_m + state[3:6])
+        self._steps.add(placed, at_ns)
 
     def _heading_error(self, at_ns: int) -> Floats:
         """Return by how much the LiDAR turned more than the autopilot's heading since the last scan (3,)."""
@@ -178,7 +185,8 @@ class LidarOdometry:
         placed, known = np.empty_like(points), np.empty(len(points), np.bool_)
         left, right = np.zeros((6, 6)), np.zeros(6)
         met = matched = walls = steep = 0
-        for sigma_m in SIGMAS_M:
+        target, information, near_steps = np.zeros(2), np.zeros((2, 2)), 0
+        for number, sigma_m in enumerate(SIGMAS_M):
             met, matched, walls, steep = normal_equations(
                 points,
                 pivot,
@@ -199,6 +207,14 @@ class LidarOdometry:
                 right,
             )
             steep *= steep >= LEAST_SHARE * walls  # else the map is beside the scan
+            left /= SHARED
+            right /= SHARED
+            if number == STEPS_ROUND:
+                shift, information, near_steps = self._steps.shift(placed, pivot, at_ns)
+                target = state[3:5] + shift
+            left[3:5, 3:5] += information
+            right[3:5] += information @ (target - state[3:5])
+            steep += near_steps
             state[:6] += self._filter.change(state[:6] - predicted[:6], left, right, steep)
         moved = state[:6] - predicted[:6]
         fits = (
@@ -209,7 +225,7 @@ class LidarOdometry:
         )
         if fits:
             state[6:] += self._filter.finish(moved, left, steep)
-            state[6:] *= self._filter.observed[3:]  # what is not observed goes on as the autopilot has it
+            state[6:] = self._filter.known_rates(state[6:])  # the rest goes on as the autopilot has it
         return state, bool(fits), known, placed
 
     def _set(self, state: Floats, pivot_enu_m: Floats, at_ns: int) -> None:

@@ -35,5 +35,5 @@ class OdometryEstimate:
 
     @property
     def is_healthy(self) -> bool:
-        """Whether position, height and attitude are all observed: the vehicle could land by it alone."""
-        return bool(self.observed.all())
+        """Whether position, height and tilt are all observed: with the autopilot's heading, enough to land by."""
+        return bool(self.observed[:5].all())
