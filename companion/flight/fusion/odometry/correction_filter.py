@@ -16,9 +16,10 @@ TILT_RAD, TILT_S = np.radians(0.3), 20.0
 YAW_RAD_SQRT_S, AWAY_M_SQRT_S, UP_M_SQRT_S = np.radians(0.1), 0.02, 0.03
 # A drift: that of a position without GPS, 0.034 m/s2 in ArduPilot, or one carried off by a false signal.
 RATE_MS, RATE_S = 0.05, 5.0
-# A horizontal axis is corrected, and counts as observed, if a usual scan tells it this surely: less sure ones
-# follow the bias of a few points. At 0.15 m the estimate went 38 m off, in a closed loop with an autopilot.
-OBSERVED_M = 0.08
+# A horizontal direction is corrected, and counts as observed, once a usual scan tells it so surely, and while
+# one tells it half as surely: less sure ones follow the bias of a few points. Begun at 0.15 m, the estimate
+# went 38 m off, in a closed loop with an autopilot.
+OBSERVED_M, STILL_OBSERVED_M = 0.08, 0.16
 SURE_RAD = np.radians(0.3)
 FEWEST_STEEP = 40  # points at steep planes, below which they may be those of a bush
 SURE_UP_M = 0.02
@@ -45,6 +46,7 @@ class CorrectionFilter:
         self.covariance = np.zeros((9, 9))
         self.covariance[RATE, RATE] = np.eye(3) * RATE_MS**2
         self.observed = np.zeros(6, np.bool_)
+        self._was_unknown = np.eye(2)
         self._unknown = np.eye(2)  # projection on the horizontal directions that the last scans do not tell
         self._usual, self._usual_steep = np.zeros((6, 6)), 0.0  # of the last scans
 
@@ -88,6 +90,7 @@ class CorrectionFilter:
         unknown[PLACE, PLACE] = unknown[PLACE_RATE, PLACE_RATE] = self._unknown
         rest = np.eye(9) - unknown
         self.covariance = rest @ covariance @ rest + unknown @ covariance @ unknown
+        self._was_unknown = self._unknown
         self._usual += (left - self._usual) / SCANS
         self._usual_steep += (steep - self._usual_steep) / SCANS
         return np.asarray(rates)
@@ -108,7 +111,9 @@ class CorrectionFilter:
         flat = usual[3:5, 3:5] - np.outer(usual[3:5, YAW], usual[3:5, YAW]) / yaw
         values, axes = np.linalg.eigh(flat)
         many = self._usual_steep + (steep - self._usual_steep) / SCANS >= FEWEST_STEEP
-        weak = axes[:, values < 1 / OBSERVED_M**2] if many else axes
+        was_known = 1 - np.einsum("ik,ij,jk->k", axes, self._was_unknown, axes) > 0.5
+        least_m = np.where(was_known, STILL_OBSERVED_M, OBSERVED_M)
+        weak = axes[:, values < 1 / least_m**2] if many else axes
         self._unknown = weak @ weak.T
         keep = np.eye(6)
         keep[PLACE, PLACE] -= self._unknown

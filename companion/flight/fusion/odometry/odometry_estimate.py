@@ -35,5 +35,5 @@ class OdometryEstimate:
 
     @property
     def is_healthy(self) -> bool:
-        """Whether position, height and tilt are all observed: with the autopilot's heading, enough to land by."""
+        """Whether position and tilt are observed: with the autopilot's heading, enough to land by."""
         return bool(self.observed[:5].all())

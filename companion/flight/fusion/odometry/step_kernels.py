@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from slz.kernels.argument_types import Array1D, Array2D, ReadOnly2D
+from slz.kernels.argument_types import Array2D, ReadOnly1D, ReadOnly2D
 from slz.kernels.jit import kernel
 
 CELL_M = 0.2
@@ -16,6 +16,8 @@ STRIDES = 5  # of the shifts, each of half a cell, to either side
 SHIFTS = 2 * STRIDES + 1
 REACH = 3  # cells to either side that a shift can reach
 FEWEST = 3  # returns of a cell
+# From the sensor, across: farther away a tilt of a degree raises the ground by more than half a metre.
+FAR_M = 30.0
 TOLERANCE_M = 0.15  # beyond the heights of a cell
 WORST_M = 0.45  # beyond them, where a point fits no worse
 SHADOW_M = 2.0  # from a point to the lowest about it, beyond which a cell not seen lies in its shadow
@@ -63,6 +65,7 @@ def insert(
 @kernel
 def misfits(
     points_m: ReadOnly2D[np.float64],
+    pivot_m: ReadOnly1D[np.float64],
     stamp_ns: int,
     age_ns: int,
     keys: Array2D[np.int64],
@@ -76,13 +79,16 @@ def misfits(
 ) -> tuple[int, float, float]:
     """Write the misfit (SHIFTS, SHIFTS) of points (n, 3) by their shift; return the points used.
 
-    A point fits where it lies between the heights of its cell, seen first at least `age_ns` ago. It is used if
-    it fits one of the cells about it well and another not at all: beside a step.
+    A point fits where it lies between the heights of its cell, seen first at least `age_ns` ago. It is
+    used if it fits one of the cells about it well and another not at all, beside a step, and is near the
+    pivot (3,), the sensor.
     """
     misfit[:, :] = 0.0
     patch = np.zeros((2 * REACH + 1, 2 * REACH + 1))
     used, east_m, north_m = 0, 0.0, 0.0
     for i in range(len(points_m)):
+        if math.hypot(points_m[i, 0] - pivot_m[0], points_m[i, 1] - pivot_m[1]) > FAR_M:
+            continue
         x, y, z = points_m[i, 0] / CELL_M, points_m[i, 1] / CELL_M, points_m[i, 2]
         ix, iy = math.floor(x), math.floor(y)
         best, worst, young = 1.0, 0.0, False

@@ -1,7 +1,7 @@
 """Step map: heights of cells, whose steps (roofs, parapets, kerbs, stands) tell the place from above.
 
-From 20 m a LiDAR that looks down sees a hundredth of its returns on walls, but ten times as many near an edge:
-those that a false place would put on the other level. As with the height maps of Olson (2009,
+From 20 m a LiDAR that looks down sees a hundredth of its returns on walls, but many more near an edge: those
+that a false place would put on the other level. As with the height maps of Olson (2009,
 doi:10.1109/ROBOT.2009.5152375) every shift within reach is tried, so that no step is too high.
 """
 
@@ -23,9 +23,9 @@ from companion.flight.fusion.odometry.step_kernels import (
 Floats = NDArray[np.float64]
 HOLD_NS = 5_000_000_000
 FEWEST = 30  # returns near steps
-# Share of the returns that fit no cell even where most do: things that moved, leaves, mixed returns. Where it is
-# greater, scan and map are of different places.
-LEAST_SHARE, MOST_SHARE = 0.03, 0.2
+# Share of the returns that fit no cell even where most do: things that moved, leaves, mixed returns. Where it
+# is greater, scan and map are of different places.
+LEAST_SHARE, MOST_SHARE = 0.03, 0.12
 SHARED = 5.0  # returns that count as an independent one
 PRIOR_M = 0.5  # standard deviation of the shift, without returns
 YAW_RAD = np.radians(0.5)  # heading that scan and map may differ by
@@ -81,7 +81,9 @@ class StepMap:
             Shift east and north (2,) in metres, its information (2, 2) in 1/m2, and the number of points near
             steps; all 0 if these are few or do not fit.
         """
-        used, east_m, north_m = misfits(points_enu_m, stamp_ns, HOLD_NS, *self._tables, self._misfit)
+        used, east_m, north_m = misfits(
+            points_enu_m, pivot_enu_m, stamp_ns, HOLD_NS, *self._tables, self._misfit
+        )
         share = max(float(self._misfit.min()) / max(used, 1), LEAST_SHARE)
         if used < FEWEST or share > MOST_SHARE:
             return np.zeros(2), np.zeros((2, 2)), 0

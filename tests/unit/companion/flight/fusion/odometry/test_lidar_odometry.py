@@ -12,6 +12,9 @@ from tests.unit.companion.flight.fusion.odometry.worlds import (
     beside_wall,
     courtyard,
     plain,
+    roofs,
+    slope,
+    terrace,
 )
 
 DRIFT_MS = np.array([0.03, -0.02, 0.03])
@@ -55,6 +58,27 @@ def test_beside_a_wall_only_the_distance_to_it_is_corrected() -> None:
     assert abs(off[0] - drift[0]) < 0.05
     assert abs(off[1]) < 0.05
     assert estimate_of(odometer).observed[:2].tolist() == [False, True]
+    assert not odometer.odometry.is_tracking(odometer.now_ns)
+
+
+def test_over_roofs_their_edges_alone_tell_the_place() -> None:
+    odometer = Odometer(roofs, drifting_later).run(20)
+    assert np.abs(odometer.offsets[-1]).max() < 0.1
+    assert estimate_of(odometer).is_healthy
+    assert odometer.odometry.is_tracking(odometer.now_ns)
+
+
+def test_over_one_edge_only_the_distance_to_it_is_corrected() -> None:
+    odometer = Odometer(terrace, drifting_later).run(20)
+    off, drift = odometer.offsets[-1], drifting_later(20.0)
+    assert abs(off[0] - drift[0]) < 0.05
+    assert abs(off[1]) < 0.1
+    assert estimate_of(odometer).observed[:2].tolist() == [False, True]
+
+
+def test_a_slope_tells_no_place() -> None:
+    odometer = Odometer(slope, drifting_later).run(20)
+    np.testing.assert_allclose(odometer.offsets[-1][:2], drifting_later(20.0)[:2], atol=0.02)
     assert not odometer.odometry.is_tracking(odometer.now_ns)
 
 

@@ -29,6 +29,11 @@ def ground(rng: np.random.Generator) -> Floats:
     return np.column_stack([away * np.cos(angle), away * np.sin(angle), np.zeros(2000)])
 
 
+def near_ground(rng: np.random.Generator) -> Floats:
+    """Points of level ground within 12 m, as dense as those of a fast LiDAR."""
+    return np.column_stack([rng.uniform(-12, 12, (5000, 2)), np.zeros(5000)])
+
+
 def wall(rng: np.random.Generator, x: float | None, y: float | None) -> Floats:
     """Points of a wall 6 m high: across east at `x`, or across north at `y`."""
     along, up = rng.uniform(-12, 12, 150), rng.uniform(0, 6, 150)
@@ -51,6 +56,25 @@ def courtyard(rng: np.random.Generator) -> Floats:
     """Four walls around level ground."""
     walls = [wall(rng, x, None) for x in (-12.0, 12.0)] + [wall(rng, None, y) for y in (-12.0, 12.0)]
     return np.concatenate([ground(rng), *walls])
+
+
+def roofs(rng: np.random.Generator) -> Floats:
+    """Four flat roofs on level ground, seen from above: no walls."""
+    points = near_ground(rng)
+    on = (np.abs(np.abs(points[:, 0]) - 6.0) < 2.5) & (np.abs(np.abs(points[:, 1]) - 6.0) < 2.5)
+    return np.where(on[:, np.newaxis], points + np.array([0.0, 0.0, 3.0]), points)
+
+
+def terrace(rng: np.random.Generator) -> Floats:
+    """Level ground, 3 m higher north of a straight edge."""
+    points = near_ground(rng)
+    return np.where(points[:, 1:2] > 3.0, points + np.array([0.0, 0.0, 3.0]), points)
+
+
+def slope(rng: np.random.Generator) -> Floats:
+    """Ground that rises 20 degrees to the north."""
+    points = near_ground(rng)
+    return points + np.outer(points[:, 1] * np.tan(np.radians(20)), (0.0, 0.0, 1.0))
 
 
 @dataclass
