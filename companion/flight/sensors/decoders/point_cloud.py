@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.desk.replay.clouds.point_clock import PointClock, Sample, infer_clock, sample
+from companion.flight.sensors.decoders.point_clock import PointClock, Sample, infer_clock, sample
 from companion.flight.sensors.returns import Returns
 
 # PointField.datatype
