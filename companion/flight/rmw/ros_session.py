@@ -174,8 +174,10 @@ class RosSession:
 
     def _declare(self, session: Any) -> None:
         import xxhash
-        from zenoh import CongestionControl, Reliability, ext
+        import zenoh
+        from zenoh import CongestionControl, Reliability
 
+        ext: Any = zenoh.ext  # its types ask for both kinds of heartbeat
         self._kept.clear()
         node = NodeName(self.url.domain, str(session.zid()), NODE)
         self._kept.append(session.liveliness().declare_token(node.token()))

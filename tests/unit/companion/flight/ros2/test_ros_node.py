@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import threading
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
@@ -18,6 +19,7 @@ from companion.flight.rmw.attachment import unpack
 from companion.flight.rmw.zenoh_url import ZenohUrl
 from companion.flight.ros2.ros_node import (
     DIAGNOSTICS,
+    DISPLAY,
     LANDING_POINT,
     MAP,
     ODOMETRY,
@@ -26,8 +28,10 @@ from companion.flight.ros2.ros_node import (
     ZONES,
     RosNode,
 )
-from slz import PointState, Report
+from slz import Pipeline, PointState, Report, TerrainMaps, Windower
+from slz.grid import Box, Grid
 from tests.unit.companion.flight.landing.flight import FRAME, Flight, zone
+from tests.unit.companion.flight.mapping.test_pipeline_worker import scan
 from tests.unit.companion.flight.rmw.test_message_types import PUBLISHED
 from tests.unit.companion.flight.rmw.zenoh_network import Client, router, until
 from tests.unit.companion.flight.ros2.independent_decoders import decoded
@@ -190,6 +194,64 @@ async def test_a_message_that_cannot_be_made_costs_only_itself(
         node.use_report(report_with())
         await client.next_of(LANDING_POINT.name)
     assert "planted" in caplog.text
+
+
+async def test_the_map_around_the_vehicle_is_published(monkeypatch: pytest.MonkeyPatch) -> None:
+    pipeline = Pipeline(params.load())
+    windower = Windower(1.0)
+    for second in range(3):
+        window = windower.add(scan(second))
+        if window is not None:
+            pipeline.process(window)
+    wanted = pipeline.maps()
+    assert wanted is not None
+    async with node_and_listener() as (companion, node, client):
+        show = companion.worker.display_hooks[DISPLAY]
+        show(pipeline)  # no report yet: nothing
+        monkeypatch.setattr(companion.history, "latest", lambda at_ns: flown(at_ns))
+        node.use_report(report_with())
+        show(pipeline)
+        show(pipeline)  # too soon
+        message = decoded(await client.next_of(MAP.name))
+        assert companion.ros is not None
+        (of_map,) = (one for one in companion.ros.publishers if one.topic == MAP)
+        assert of_map.number == 1
+    info = message.info
+    assert (info.resolution, info.length_x, info.length_y) == pytest.approx((wanted.grid.cell_m, 80.0, 80.0))
+    assert math.hypot(info.pose.position.x - 3.0, info.pose.position.y - 4.0) < 2 * info.resolution
+    elevation = np.array(message.data[0].data).reshape(400, 400)[::-1, ::-1]  # rows to the north
+    row = round((wanted.south_m - (info.pose.position.y - info.length_y / 2)) / info.resolution)
+    col = round((wanted.west_m - (info.pose.position.x - info.length_x / 2)) / info.resolution)
+    rows, cols = wanted.height_m.shape
+    np.testing.assert_array_equal(elevation[row : row + rows, col : col + cols], wanted.height_m)
+    assert np.isfinite(elevation).sum() == np.isfinite(wanted.height_m).sum() > 0
+
+
+async def test_a_map_that_is_withdrawn_while_it_is_copied_is_not_published(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async with node_and_listener() as (companion, node, client):
+
+        class Withdrawn:
+            """A pipeline whose map is withdrawn as soon as it is read."""
+
+            def maps(self, box: Box) -> TerrainMaps:
+                loop.call_soon_threadsafe(node.clear)
+                cleared.wait(10)
+                return TerrainMaps(
+                    FRAME, Grid(-200.0, -200.0, 0.2, 2000, 2000), box, {}, np.ones((1, 1), np.uint8)
+                )
+
+        loop, cleared = asyncio.get_running_loop(), threading.Event()
+        clear = node.clear
+        monkeypatch.setattr(node, "clear", lambda: (clear(), cleared.set()))
+        monkeypatch.setattr(companion.history, "latest", lambda at_ns: flown(at_ns))
+        node.use_report(report_with())
+        await asyncio.to_thread(companion.worker.display_hooks[DISPLAY], Withdrawn())
+        message = decoded(await client.next_of(MAP.name))
+        assert math.isnan(message.data[0].data[0])
+        assert companion.ros is not None
+        assert sum(one.number for one in companion.ros.publishers if one.topic == MAP) <= 2  # clears only
 
 
 async def test_a_withdrawn_map_is_replaced_for_those_who_come_later_too() -> None:
