@@ -92,6 +92,7 @@ class RosSession:
         self.publishers: list[RosPublisher] = []
         self._subscriptions: list[RosSubscription] = []
         self._zenoh: Any = None
+        self._closed = False
         self._kept: list[Any] = []  # tokens and subscriptions last as long as their objects
 
     def advertise(self, topic: Topic) -> RosPublisher:
@@ -133,6 +134,7 @@ class RosSession:
 
     def close(self) -> None:
         """Leave the ROS graph."""
+        self._closed = True
         zenoh, self._zenoh = self._zenoh, None
         if zenoh is not None:
             zenoh.close()
@@ -152,16 +154,15 @@ class RosSession:
         pause_s = FIRST_PAUSE_S
         while True:
             try:
-                self._zenoh = await asyncio.to_thread(self._opened)
-                return
+                return await asyncio.to_thread(self._open_now)
             except Exception as error:  # Zenoh's, which name no class
                 said = " ".join(str(error).split())[:160]
                 log.warning("ROS 2: Zenoh cannot be opened, again in %.0f s: %s", pause_s, said)
             await asyncio.sleep(pause_s)
             pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
 
-    def _opened(self) -> Any:
-        """Open the session and declare everything."""
+    def _open_now(self) -> None:
+        """Open the session and declare everything, in a thread."""
         import zenoh
 
         session: Any = zenoh.open(_configuration(self.url))
@@ -170,7 +171,9 @@ class RosSession:
         except BaseException:
             session.close()
             raise
-        return session
+        self._zenoh = session
+        if self._closed:  # meanwhile
+            self.close()
 
     def _declare(self, session: Any) -> None:
         import xxhash

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import socket
+import threading
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -140,6 +141,38 @@ async def test_an_endpoint_that_cannot_be_opened_is_tried_again(
         assert not session.is_open
     assert "Traceback" not in caplog.text
     assert session.statistics() == {"connected": False, "sent": 0, "lost": 0, "replaced": 0}
+
+
+async def test_a_session_that_is_closed_while_it_opens_does_not_stay_open(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    begun, go_on = threading.Event(), threading.Event()
+    closed = threading.Event()
+    close = RosSession.close
+
+    def close_and_tell(self: RosSession) -> None:
+        close(self)
+        if go_on.is_set():
+            closed.set()
+
+    monkeypatch.setattr(RosSession, "close", close_and_tell)
+
+    def slow_digest(_: bytes) -> int:
+        begun.set()
+        go_on.wait(20)
+        return 0
+
+    session = RosSession(ZenohUrl("tcp/127.0.0.1:1"))
+    session.advertise(CHATTER)
+    monkeypatch.setattr("xxhash.xxh3_128_intdigest", slow_digest)
+    task = asyncio.create_task(session.run())
+    await until(begun.is_set)
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    session.close()
+    go_on.set()
+    await until(closed.is_set)  # by the thread that opened it
+    assert not session.is_open
 
 
 async def test_messages_of_this_type_are_taken_and_of_another_definition_counted() -> None:

@@ -7,7 +7,7 @@ import json
 import socket
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, ClassVar
 
 import zenoh
 
@@ -27,20 +27,27 @@ def router(port: int | None = None) -> Iterator[str]:
     """Run a router; yield its endpoint."""
     endpoint = f"tcp/127.0.0.1:{port or free_port(socket.SOCK_STREAM)}"
     with zenoh.open(configured(mode="router", listen__endpoints=[endpoint])):
-        yield endpoint
+        try:
+            yield endpoint
+        finally:
+            while Client.open:
+                Client.open[-1].close()
 
 
 class Client:
     """A client of a router that keeps what it receives.
 
-    samples: of the keys listened to, in their order.
+    samples: of the keys listened to, in their order. open: clients to close, a router's with it.
     """
+
+    open: ClassVar[list[Client]] = []
 
     def __init__(self, endpoint: str) -> None:
         self.session: Any = zenoh.open(configured(mode="client", connect__endpoints=[endpoint]))
         self.samples: asyncio.Queue[Any] = asyncio.Queue()
         self._loop = asyncio.get_running_loop()
         self._kept: list[Any] = []
+        self.open.append(self)
 
     def listen(self, key: str) -> None:
         """Subscribe to a key expression."""
@@ -78,6 +85,7 @@ class Client:
 
     def close(self) -> None:
         """Leave the network."""
+        self.open.remove(self)
         self.session.close()
 
     def _add(self, sample: Any) -> None:
