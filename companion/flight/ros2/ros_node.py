@@ -90,7 +90,7 @@ class RosNode:
         self._centre = None if pose is None else (pose.position_enu_m, at_ns)
         self._put(ZONES, lambda: zone_markers.markers(report, at_ns))
         selected = report.selected
-        if selected is not None and selected.state is PointState.SAFE:
+        if selected is not None and selected.state is PointState.SAFE and not self._is_intruded():
             where = np.array([*selected.enu_m[:2], selected.height_m])
             self._put(LANDING_POINT, lambda: frame_messages.landing_point(where, at_ns))
 
@@ -129,6 +129,11 @@ class RosNode:
         parts = diagnostic_message.statuses(self._flight, self.session.statistics())
         self._put(DIAGNOSTICS, lambda: diagnostic_message.diagnostics(parts, at_ns))
 
+    def _is_intruded(self) -> bool:
+        """Return whether something has come onto the selected point since its window."""
+        selected = self._flight.situation().selected
+        return selected is not None and selected.state is not PointState.SAFE
+
     def _copy_map(self, pipeline: Pipeline) -> None:
         """Copy the map around the vehicle, in the pipeline's thread, once a second."""
         centre, now_s = self._centre, time.monotonic()
@@ -138,7 +143,7 @@ class RosNode:
         where, at_ns = centre
         maps = _around(pipeline, where, bounded=self._flight.parameters.mode == "source")
         with self._lock:
-            if maps is None or self._centre is None:
+            if maps is None or self._centre is not centre:
                 return  # it was withdrawn meanwhile
             self._store(MAP, lambda: grid_map_message.grid_map(maps, at_ns))
         self._submit()

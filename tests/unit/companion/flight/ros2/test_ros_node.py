@@ -165,6 +165,20 @@ async def test_a_point_that_is_not_safe_is_never_published_as_landing_point(stat
     assert LANDING_POINT.name not in names
 
 
+async def test_nor_is_one_onto_which_something_came(monkeypatch: pytest.MonkeyPatch) -> None:
+    async with node_and_listener() as (companion, node, client):
+        flight = Flight([])
+        flight.selected = np.array([5.0, 6.0, 0.0])
+        flight.state = lambda _height, _point: PointState.UNSAFE
+        monkeypatch.setattr(companion, "situation", flight.situation)
+        node.use_report(report_with())
+        node.pose(flown(10 * SECOND), FRAME)
+        names = set()
+        while TF.name not in names:
+            names |= set(await client.by_topic(1))
+    assert LANDING_POINT.name not in names
+
+
 async def test_without_a_router_messages_are_lost_and_counted_and_nobody_waits() -> None:
     companion = made("tcp/127.0.0.1:1")
     node, session = companion.ros_node, companion.ros
