@@ -7,7 +7,10 @@ from typing import Annotated
 
 import typer
 
-LIDAR = "livox:, velodyne: or ouster:HOST:PORT, lightware:/dev/ttyX,BAUD, or mavlink: (docs/sensors.md)."
+LIDAR = (
+    "livox:, velodyne: or ouster:HOST:PORT, lightware:/dev/ttyX,BAUD, ros2:/TOPIC, or mavlink:"
+    " (docs/sensors.md)."
+)
 Key = Annotated[
     Path | None,
     typer.Option(help="File with the key of MAVLink signing: 32 bytes, 64 hex digits or a passphrase."),
@@ -30,5 +33,9 @@ DashboardToken = Annotated[
 Prior = Annotated[
     Path | None,
     typer.Option(metavar="DIR", help="Survey of slz map to begin with: where to look first."),
+]
+Ros2 = Annotated[
+    str | None,
+    typer.Option(metavar="zenoh[:tcp/HOST:PORT]", help="Be a ROS 2 node by a Zenoh router (docs/ros2.md)."),
 ]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Log more, to stderr.")]

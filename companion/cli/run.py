@@ -17,6 +17,7 @@ from companion.cli.options import (
     Key,
     Prior,
     Profile,
+    Ros2,
     Settings,
     State,
     System,
@@ -46,6 +47,7 @@ def run(
         int | None,
         typer.Option(min=0, max=65535, metavar="PORT", help="Serve Foxglove's live view on 127.0.0.1:PORT."),
     ] = None,
+    ros2: Ros2 = None,
     prior: Prior = None,
     system: System = None,
     as_json: Json = False,
@@ -78,6 +80,7 @@ def run(
             foxglove_port=foxglove,
             prior=prior,
             system=system,
+            ros2=ros2,
         )
     if as_json:
         print(json.dumps(summary))

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from companion.flight.app import Companion
+from companion.flight.rmw.zenoh_url import parse_zenoh_url
 from companion.flight.services.services import start_signing
 from companion.runtime import output_folder
 from companion.runtime.priority import real_time_priority
@@ -39,6 +40,7 @@ def run(
     foxglove_port: int | None = None,
     prior: Path | None = None,
     system: int | None = None,
+    ros2: str | None = None,
 ) -> dict[str, Any]:
     """Run until SIGTERM or SIGINT and return the summary; raise the error that ended the run otherwise.
 
@@ -69,6 +71,7 @@ def run(
             foxglove_port=foxglove_port,
             prior=prior,
             system=system,
+            ros2=None if ros2 is None else parse_zenoh_url(ros2),
         )
         return await _run(companion, out)
 

@@ -37,6 +37,8 @@ from companion.flight.mode_requests import ModeRequests
 from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.recorder.recordings import Recordings
 from companion.flight.report_feed import ReportFeed
+from companion.flight.rmw.ros_session import RosSession
+from companion.flight.rmw.zenoh_url import ZenohUrl
 from companion.flight.scan_feed import ScanFeed
 from companion.flight.sensors.lidar_url import Lidar, open_lidar
 from companion.flight.services.order_parameters import OrderParameters
@@ -57,6 +59,7 @@ from slz import Report, SpeckDetector, TerrainMaps
 if TYPE_CHECKING:
     from companion.flight.dashboard.page import Page, PageEndpoint
     from companion.flight.foxglove.live_view import LiveView
+    from companion.flight.ros2.ros_node import RosNode
 
 log = logging.getLogger(__name__)
 
@@ -86,6 +89,8 @@ class Companion:
         Folder of a survey to begin with (docs/survey.md).
     system
         The vehicle's MAVLink system; None: the only aircraft heard.
+    ros2
+        Zenoh router and domain of the ROS node; None for none.
 
     Raises
     ------
@@ -108,6 +113,7 @@ class Companion:
         foxglove_port: int | None = None,
         prior: Path | None = None,
         system: int | None = None,
+        ros2: ZenohUrl | None = None,
     ) -> None:
         self.settings = Settings(parameters, state)
         self.parameters = parameters = self.settings.live
@@ -125,23 +131,25 @@ class Companion:
         self.obstacles = RecentObstacles(self.specks)
         self.watch = PointWatch(math.radians(parameters.angle_noise_deg))
         self._reports = ReportFeed(
-            self.link, self.executive,
-            lambda: (self.situations, self.recordings.recorder, self.live, self.streams, self.page),
+            self.link, self.executive, lambda: (
+                self.situations, self.recordings.recorder, self.live, self.ros_node, self.streams, self.page,
+            ),
         )  # fmt: skip
         surveyed = None if prior is None else SurveyPrior(prior, parameters)
         self.worker = PipelineWorker(parameters, self._reports.on_report, surveyed)
         self.worker.on_invalid.subscribe(self._reports.on_invalid)
         self.feed = ScanFeed(
             self.link, self.history, self.worker, self.executive, self.obstacles, self.watch,
-            lambda: self.assembler.scans, lambda: (self.recordings.recorder, self.live),
+            lambda: self.assembler.scans, lambda: (self.recordings.recorder, self.live, self.ros_node),
         )  # fmt: skip
         self.odometry = open_odometry(parameters, self.history)
         self.assembler = ScanAssembler(
             parameters, self.history, self.feed.add_lidar_scan, self.specks, self.odometry
         )
         wall_offset_ns = WallOffset()
+        self.ros = None if ros2 is None else RosSession(ros2)
         self.lidar: Lidar = open_lidar(
-            lidar_url, parameters, self.assembler.add, self.link, wall_offset_ns=wall_offset_ns
+            lidar_url, parameters, self.assembler.add, self.link, wall_offset_ns, self.ros
         )
         if self.odometry is not None:
             self.lidar.on_imu(self.odometry.gyro.add_samples)
@@ -197,6 +205,7 @@ class Companion:
         self._record_into, self._foxglove_port = record, foxglove_port
         self.live: LiveView | None = None
         self.page = None if front is None else _page(self, front)
+        self.ros_node = None if self.ros is None else _ros_node(self, self.ros)
 
     @property
     def report(self) -> Report | None:
@@ -244,6 +253,9 @@ class Companion:
             parts["radar"] = self.radar.run()
         if self.page is not None:
             parts["page"] = self.page.run()
+        if self.ros_node is not None:
+            self.feed.on_new_map.subscribe(self.ros_node.clear)
+            parts["ros2"] = self.ros_node.run()
         try:
             failed = await run_together(parts)
         finally:
@@ -253,6 +265,8 @@ class Companion:
             self.maps = self.worker.close()
             if self.live is not None:
                 self.live.close()
+            if self.ros_node is not None:
+                self.ros_node.close()
             self.recordings.close()
             self.summary = flight_summary(self)
         if failed is not None:
@@ -307,3 +321,9 @@ def _live_view(companion: Companion, port: int) -> LiveView:
     from companion.flight.foxglove.live_view import LiveView
 
     return LiveView(companion, port)
+
+
+def _ros_node(companion: Companion, session: RosSession) -> RosNode:
+    from companion.flight.ros2.ros_node import RosNode
+
+    return RosNode(companion, session)

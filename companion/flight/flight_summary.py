@@ -51,6 +51,7 @@ def flight_summary(flight: FlightView) -> dict[str, Any]:
         "radar": None if radar is None else radar.statistics(),
         "fusion": flight.assembler.statistics(),
         "recording": flight.recordings.statistics(),
+        "ros2": None if flight.ros is None else flight.ros.statistics(),
     }
 
 

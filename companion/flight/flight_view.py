@@ -15,6 +15,7 @@ from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.recorder.recordings import Recordings
+from companion.flight.rmw.ros_session import RosSession
 from companion.flight.sensors.lidar_url import Lidar
 from companion.flight.services.settings import Settings
 from companion.runtime.ring_buffer import RingBuffer
@@ -29,6 +30,8 @@ class FlightView(Protocol):
     ----------
     radar
         Second sensor, None without one.
+    ros
+        Session of the ROS node, None without one.
     """
 
     parameters: Parameters
@@ -45,6 +48,7 @@ class FlightView(Protocol):
     fitness: Fitness
     streams: MessageSchedule
     recordings: Recordings
+    ros: RosSession | None
 
     @property
     def report(self) -> Report | None:

@@ -116,7 +116,7 @@ async def measure() -> dict[str, Any]:
         task = asyncio.create_task(companion.run())
         while not (companion.link.ready and companion.worker.reports):
             await asyncio.sleep(0.1)
-        companion.worker.display_hook = Sweep(companion).look
+        companion.worker.display_hooks["page"] = Sweep(companion).look
         without, shown = Turns(), Turns()
         for _ in range(TURNS):
             await watch(companion, without)

@@ -37,6 +37,7 @@ from sitl.world.primitives import Ground, Kind
 from sitl.world.world import World
 from tests.fuzz.harness import Harness, Target
 from tests.unit.companion.flight.sensors import ouster_packets, velodyne_packets
+from tests.unit.companion.flight.sensors.decoders.clouds import Driver
 from tests.unit.companion.flight.sensors.packets import imu_packet, points_packet
 from tests.unit.companion.flight.sensors.recordings import DATA
 
@@ -242,6 +243,12 @@ def ouster_legacy() -> Sequence[bytes]:
     return [*points, o.legacy_imu_packet(stamp_ns=5_001_000_000)]
 
 
+def ros2() -> Sequence[bytes]:
+    driver = Driver(points=20)
+    others = driver.but(time_field="offset_time"), driver.but(time_field=""), driver.but(frame="map")
+    return [*(driver.packet(number) for number in range(1, 15)), *(other.packet(15) for other in others)]
+
+
 def _ground() -> World:
     z = np.zeros((41, 41))
     return World(Ground(-80.0, -80.0, 4.0, z, np.full((40, 40), Kind.GRASS, np.uint8)))
@@ -338,6 +345,8 @@ HARNESSES = (
         words=(b"null", b"[]", b"{}", b"-1", b'"', b"0"),
         cost=20,
     ),
+    Harness("ros2", ros2, sensor("ros2", lambda: "instant")),
+    Harness("ros2-timed", ros2, sensor("ros2")),
     Harness("lightware", lightware, FuzzedLine, mended_lightware),
     Harness("flash", flash, sensor("flash"), cost=20),
     Harness("radar", radar, sensor("radar"), cost=20),

@@ -136,7 +136,7 @@ class Page:
         self.board.viewers = 0
         self.board.map_changes.clear()
         self._anew = True
-        self._flight.worker.display_hook = self._copy_map_changes
+        self._flight.worker.display_hooks["page"] = self._copy_map_changes
         handler = FlightOrderHandler(self._flight)
         server = self._server = serve(self.endpoint, self.board, handler, about(self._flight.settings.rows))
         try:

@@ -57,8 +57,8 @@ class PipelineWorker:
         Event of the first failed report after a success, with the reason.
     on_window
         Event of a window that the pipeline starts on.
-    display_hook
-        Called with the pipeline, in its thread, after a report while no window waits; for displays.
+    display_hooks
+        Called with the pipeline, in its thread, after a report while no window waits; by display.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class PipelineWorker:
         self._waiting: tuple[Window, list[int], float] | None = None
         self._windows = 0
         self.on_window: Event[[WindowEvent, Window]] = Event()
-        self.display_hook: Callable[[Pipeline], None] | None = None
+        self.display_hooks: dict[str, Callable[[Pipeline], None]] = {}
         self._wake = asyncio.Event()
         self._select: list[NDArray[np.float64] | None] = []
         self._forget = False
@@ -184,18 +184,19 @@ class PipelineWorker:
             self._windower.window_s = report.choice.window_s
             self.latencies_ms.append((time.perf_counter() - arrived) * 1e3)
             self._on_report(report)
-            if self.display_hook is not None and self._waiting is None:
-                await self._show(loop, self.display_hook)
+            for display in tuple(self.display_hooks):
+                if self._waiting is None:
+                    await self._show(loop, display)
             if self._waiting is None:
                 await self._prepare(loop)
 
-    async def _show(self, loop: asyncio.AbstractEventLoop, hook: Callable[[Pipeline], None]) -> None:
-        """Call the display hook; one that fails is removed, so that the landing goes on."""
+    async def _show(self, loop: asyncio.AbstractEventLoop, display: str) -> None:
+        """Call a display's hook; one that fails is removed, so that the landing goes on."""
         try:
-            await loop.run_in_executor(self._thread, hook, self._pipeline)
+            await loop.run_in_executor(self._thread, self.display_hooks[display], self._pipeline)
         except Exception:
-            self.display_hook = None
-            log.exception("the display of the map failed; it is drawn no more")
+            self.display_hooks.pop(display, None)
+            log.exception("the map on the %s failed; it is drawn no more", display)
 
     async def _prepare(self, loop: asyncio.AbstractEventLoop) -> None:
         """Let the pipeline prepare memory; a failure costs only time."""

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import ipaddress
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
 from companion.flight.link.link import Link
 from companion.flight.link.transport.mavlink_url import Url, parse_url
+from companion.flight.rmw.ros_session import RosSession
 from companion.flight.sensors.decoders.lightware_stream import LightwareStream
 from companion.flight.sensors.decoders.livox_session import LivoxSession
 from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.mavlink_lidar import MavlinkLidar
 from companion.flight.sensors.packet_stream import Batch, OnReturns, PacketStream
+from companion.flight.sensors.ros_lidar import RosLidar
 from companion.flight.sensors.sensor_registry import EXAMPLE, decoder_for, registered
 from companion.flight.sensors.serial_lidar import SerialLidar
 from companion.flight.sensors.udp_lidar import UdpLidar
@@ -23,7 +26,9 @@ from params import Parameters
 
 LINE = "lightware:/dev/ttyUSB0,921600"
 CONTROLLED = "livox:0.0.0.0:56301?sensor=192.168.1.100, the address on the sensor's label"
+_TOPIC = re.compile(r"(/[A-Za-z_]\w*)+", re.ASCII)
 INERTIAL = "livox:0.0.0.0:56301?imu=56401"
+CLOUDS = "ros2:/TOPIC of sensor_msgs/PointCloud2, with --ros2 (docs/ros2.md)"
 NAMES_METADATA = "ouster:HOST:PORT?meta=FILE.json, the file from http://SENSOR/api/v1/sensor/metadata"
 
 
@@ -73,6 +78,7 @@ def open_lidar(
     on_returns: OnReturns,
     link: Link | None = None,
     wall_offset_ns: Callable[[], int] | None = None,
+    ros: RosSession | None = None,
 ) -> Lidar:
     """Return the driver for a URL such as `livox:0.0.0.0:56301`; without a host it binds all addresses.
 
@@ -85,6 +91,8 @@ def open_lidar(
         For `mavlink:`, the ranges of the autopilot's own sensors.
     wall_offset_ns
         Returns the offset of UTC from the companion's clock; measured by default.
+    ros
+        For `ros2:`, the session of the node.
 
     Raises
     ------
@@ -96,6 +104,8 @@ def open_lidar(
         return MavlinkLidar(link, parameters, on_returns)
     if kind == "lightware":
         return SerialLidar(_line(url, rest), LightwareStream(parameters, on_returns))
+    if kind == "ros2":
+        return _ros_lidar(url, rest, parameters, on_returns, wall_offset_ns, ros)
     known = registered(kind)
     if known is None:
         raise UsageError(f"LiDAR {url!r} is no sensor: write {EXAMPLE} (recorded files: slz map)")
@@ -120,6 +130,24 @@ def open_lidar(
     if sensor is not None:
         lidar.session = LivoxSession(sensor, int(port), lambda: lidar.last_arrival_ns, imu_port)
     return lidar
+
+
+def _ros_lidar(
+    url: str,
+    rest: str,
+    parameters: Parameters,
+    on_returns: OnReturns,
+    wall_offset_ns: Callable[[], int] | None,
+    ros: RosSession | None,
+) -> RosLidar:
+    """Return the driver for a topic, as `ros2:/points` or `ros2:/depth/points?instant`."""
+    topic, _, query = rest.partition("?")
+    if not _TOPIC.fullmatch(topic) or query not in ("", "instant"):
+        raise UsageError(f"LiDAR {url!r} is no topic: write {CLOUDS}")
+    if ros is None:
+        raise UsageError(f"LiDAR {url!r} needs --ros2: write {CLOUDS}")
+    stream = PacketStream(decoder_for("ros2", query), parameters, on_returns, wall_offset_ns)
+    return RosLidar(ros, topic, stream)
 
 
 def stream_for(

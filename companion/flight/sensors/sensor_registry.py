@@ -69,12 +69,19 @@ def _radar(_: str) -> Decoder:
     return RadarDecoder()
 
 
+def _ros2(metadata: str) -> Decoder:
+    from companion.flight.sensors.decoders.ros_cloud_decoder import RosCloudDecoder
+
+    return RosCloudDecoder(metadata)
+
+
 _OURS = {
     "livox": Sensor(_livox, imu_port_step=100),
     "velodyne": Sensor(_velodyne, 2368),
     "ouster": Sensor(_ouster, 7502, has_metadata=True, imu_port_step=1),
     "flash": Sensor(_flash, 7610),
     "radar": Sensor(_radar, 7611),
+    "ros2": Sensor(_ros2),
 }
 _added: dict[str, Sensor] = {}
 

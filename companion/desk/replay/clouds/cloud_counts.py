@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from companion.desk.replay.clouds.point_clock import PointClock
-from companion.desk.replay.clouds.point_cloud import Decoded
+from companion.flight.sensors.decoders.point_clock import PointClock
+from companion.flight.sensors.decoders.point_cloud import Decoded
 
 
 @dataclass(slots=True)

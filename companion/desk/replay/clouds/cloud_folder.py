@@ -10,10 +10,10 @@ from typing import Any
 from companion.desk.clouds.crs import from_option
 from companion.desk.clouds.pcd import open_pcd
 from companion.desk.replay.clouds.cloud_counts import CloudCounts
-from companion.desk.replay.clouds.point_clock import PointClock
-from companion.desk.replay.clouds.point_cloud import StampedCloud, clock_of, decode
 from companion.desk.replay.clouds.scan_names import stamps_of
 from companion.desk.replay.foreign_replay import Act, Rerun
+from companion.flight.sensors.decoders.point_clock import PointClock
+from companion.flight.sensors.decoders.point_cloud import StampedCloud, clock_of, decode
 from companion.runtime.errors import UsageError
 
 

@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from companion.desk.replay.clouds.point_cloud import StampedCloud, table_of
 from companion.desk.replay.ros import livox_message
+from companion.flight.sensors.decoders.point_cloud import StampedCloud, table_of
 from companion.runtime.errors import UsageError
 
 CLOUD = "sensor_msgs/msg/PointCloud2"

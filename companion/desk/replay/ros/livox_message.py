@@ -11,8 +11,8 @@ import struct
 
 import numpy as np
 
-from companion.desk.replay.clouds.point_cloud import BadCloudError, StampedCloud, Table
 from companion.flight.sensors.decoders.livox_points import DOUBTFUL
+from companion.flight.sensors.decoders.point_cloud import BadCloudError, StampedCloud, Table
 
 # The message whose tags are those of the Mid-360, and those of older sensors, whose tags count returns.
 MID360 = "livox_ros_driver2/msg/CustomMsg"

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from companion.desk.replay.clouds.cloud_counts import CloudCounts
-from companion.desk.replay.clouds.point_clock import PointClock
-from companion.desk.replay.clouds.point_cloud import StampedCloud, clock_of, decode
 from companion.desk.replay.foreign_replay import Act, Rerun
 from companion.desk.replay.ros.bag_file import CLOUDS, BagFile
 from companion.desk.replay.ros.ros_pose import GlobalPoses, LocalPoses
+from companion.flight.sensors.decoders.point_clock import PointClock
+from companion.flight.sensors.decoders.point_cloud import StampedCloud, clock_of, decode
 from companion.runtime.errors import UsageError
 
 FIX, IMU = "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/Imu"

@@ -120,6 +120,12 @@ def test_run_refuses_a_folder_that_is_a_file_before_it_starts(
     assert f"--out {file / below}" in refusal(capfd, *RUN, "--out", str(file / below))
 
 
+def test_a_ros_node_needs_zenoh_and_a_topic_a_node(capfd: Capture) -> None:
+    assert "--ros2 'dds' is not understood" in refusal(capfd, *RUN, "--ros2", "dds")
+    topic = ["run", "--mavlink", f"udpin:127.0.0.1:{free_port()}", "--lidar", "ros2:/points"]
+    assert "needs --ros2" in refusal(capfd, *topic)
+
+
 def test_run_refuses_a_folder_that_cannot_be_written(capfd: Capture) -> None:
     assert "--out /proc/self/maps-of-the-flight" in refusal(
         capfd, *RUN, "--out", "/proc/self/maps-of-the-flight"

@@ -230,10 +230,10 @@ async def test_a_display_that_fails_is_dropped_and_costs_no_report(caplog: pytes
     def fail(_pipeline: Pipeline) -> None:
         raise RuntimeError("planted")
 
-    worker.display_hook = fail
+    worker.display_hooks["page"] = fail
     for second in (0, 1):
         worker.add_scan(scan(second))
-    await drive(worker, lambda: worker.display_hook is None)
+    await drive(worker, lambda: not worker.display_hooks)
     assert len(reports) == 1
     assert not worker.invalid
     assert "planted" in caplog.text

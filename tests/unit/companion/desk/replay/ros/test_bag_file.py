@@ -8,12 +8,12 @@ from typing import Any
 import pytest
 from mcap.writer import Writer
 
-from companion.desk.replay.clouds.point_cloud import StampedCloud
 from companion.desk.replay.ros.bag_file import CLOUD, BagFile
+from companion.flight.sensors.decoders.point_cloud import StampedCloud
 from companion.runtime.errors import UsageError
 from tests.unit.companion.desk.replay import flights
-from tests.unit.companion.desk.replay.clouds.test_point_cloud import AFTER, POINTS
 from tests.unit.companion.desk.replay.flights import BEGIN_NS, STORE
+from tests.unit.companion.flight.sensors.decoders.test_point_cloud import AFTER, POINTS
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 STANDARD = "the library's own"

@@ -13,9 +13,9 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from companion.desk.replay.clouds.point_cloud import BadCloudError
 from companion.desk.replay.recording_type import RecordingOptions, open_recording
 from companion.desk.replay.ros.livox_message import MESSAGES, parse
+from companion.flight.sensors.decoders.point_cloud import BadCloudError
 from tests.unit.companion.desk.replay import flights
 from tests.unit.companion.desk.replay.flights import BEGIN_NS, HOME
 

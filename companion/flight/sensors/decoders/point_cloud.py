@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.desk.replay.clouds.point_clock import PointClock, Sample, infer_clock, sample
+from companion.flight.sensors.decoders.point_clock import PointClock, Sample, infer_clock, sample
 from companion.flight.sensors.returns import Returns
 
 # PointField.datatype
@@ -118,7 +118,8 @@ def coordinates(table: Table) -> NDArray[np.float32]:
 
 def is_return(xyz: NDArray[np.float32]) -> NDArray[np.bool_]:
     """Return the mask of measured points, of (n, 3): drivers write NaN or zeros for no return."""
-    return np.asarray(np.isfinite(xyz).all(axis=1) & xyz.any(axis=1))
+    with np.errstate(invalid="ignore"):  # a signalling NaN
+        return np.asarray(np.isfinite(xyz).all(axis=1) & xyz.any(axis=1))
 
 
 def table_of(message: Any) -> Table:

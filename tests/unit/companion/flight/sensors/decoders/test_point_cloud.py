@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from companion.desk.replay.clouds.point_cloud import BadCloudError, coordinates, decode, table_of
+from companion.flight.sensors.decoders.point_cloud import BadCloudError, coordinates, decode, table_of
 from tests.unit.companion.desk.replay import flights
 from tests.unit.companion.desk.replay.flights import BEGIN_NS
 

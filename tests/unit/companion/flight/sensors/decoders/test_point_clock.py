@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.desk.replay.clouds.point_clock import PointClock
-from companion.desk.replay.clouds.point_cloud import Decoded, StampedCloud, clock_of, decode
+from companion.flight.sensors.decoders.point_clock import PointClock
+from companion.flight.sensors.decoders.point_cloud import Decoded, StampedCloud, clock_of, decode
 
 BEGIN_NS = 1_750_000_000_000_000_000
 PERIOD_NS = 100_000_000
