@@ -28,6 +28,7 @@ OF_SOME_FLIGHTS = {
     "companion.flight.sensors.decoders.ouster_points",
     "companion.flight.sensors.decoders.velodyne_points",
     "companion.flight.dashboard.quantise",
+    "companion.flight.fusion.odometry.step_kernels",
     "companion.flight.fusion.odometry.registration_kernel",
     "companion.flight.fusion.odometry.surfel_kernels",
 }
