@@ -21,7 +21,7 @@ RATE_MS, RATE_S = 0.05, 5.0
 # went 38 m off, in a closed loop with an autopilot.
 OBSERVED_M, STILL_OBSERVED_M = 0.08, 0.16
 SURE_RAD = np.radians(0.3)
-FEWEST_STEEP = 40  # points at steep planes, below which they may be those of a bush
+FEWEST_STEEP = 40  # points at steep planes and near steps, below which they may be those of a bush
 SURE_UP_M = 0.02
 # The last scans together say which axes are determined: a Livox looks in another direction with each.
 SCANS = 10.0
@@ -77,7 +77,7 @@ class CorrectionFilter:
         away
             Rotation and shift (6,) less their prediction.
         steep
-            Number of points at steep planes.
+            Number of points at steep planes and near steps.
         """
         told, _ = self._told(left, np.zeros(6), steep)
         rates = self.covariance[6:, :6] @ np.linalg.solve(self.covariance[:6, :6], away)

@@ -95,7 +95,7 @@ class LidarOdometry:
             self._update(np.ascontiguousarray(points[::step]), scan.sensor_enu_m, newest_ns)
 
     def is_tracking(self, now_ns: int) -> bool:
-        """Tell whether scans and map tell the whole pose now."""
+        """Tell whether scans and map tell position and tilt now."""
         estimate = self.estimate
         return estimate is not None and estimate.is_healthy and now_ns - estimate.stamp_ns < FRESH_NS
 
@@ -210,7 +210,7 @@ class LidarOdometry:
             left /= SHARED
             right /= SHARED
             if number == STEPS_ROUND:
-                shift, information, near_steps = self._steps.shift(placed, pivot, at_ns)
+                shift, information, near_steps = self._steps.shift(placed, pivot + state[3:6], at_ns)
                 target = state[3:5] + shift
             left[3:5, 3:5] += information
             right[3:5] += information @ (target - state[3:5])

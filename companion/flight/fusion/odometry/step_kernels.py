@@ -22,6 +22,7 @@ TOLERANCE_M = 0.15  # beyond the heights of a cell
 WORST_M = 0.45  # beyond them, where a point fits no worse
 SHADOW_M = 2.0  # from a point to the lowest about it, beyond which a cell not seen lies in its shadow
 SHADOW = 0.8  # misfit of a point there
+EMPTY = np.int64(-(2**63))  # key of no cell
 _MASK, _COARSE_MASK = SIDE - 1, COARSE_SIDE - 1
 
 
@@ -77,7 +78,7 @@ def misfits(
     lowest_m: Array2D[np.float32],
     misfit: Array2D[np.float64],
 ) -> tuple[int, float, float]:
-    """Write the misfit (SHIFTS, SHIFTS) of points (n, 3) by their shift; return the points used.
+    """Write the misfit (SHIFTS, SHIFTS) of points (n, 3) by shift; return the number used, and their middle.
 
     A point fits where it lies between the heights of its cell, seen first at least `age_ns` ago. It is
     used if it fits one of the cells about it well and another not at all, beside a step, and is near the

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from companion.flight.fusion.odometry.step_kernels import (
     CELL_M,
     COARSE_SIDE,
+    EMPTY,
     SHIFTS,
     SIDE,
     STRIDES,
@@ -35,8 +36,8 @@ class StepMap:
     """Lowest and highest return of each cell, within five seconds of its first."""
 
     def __init__(self) -> None:
-        self._keys = np.full((SIDE, SIDE), -1, np.int64)
-        self._coarse_keys = np.full((COARSE_SIDE, COARSE_SIDE), -1, np.int64)
+        self._keys = np.full((SIDE, SIDE), EMPTY)
+        self._coarse_keys = np.full((COARSE_SIDE, COARSE_SIDE), EMPTY)
         self._tables = (
             self._keys,
             np.zeros((SIDE, SIDE), np.int64),
@@ -56,8 +57,8 @@ class StepMap:
 
     def clear(self) -> None:
         """Forget everything."""
-        self._keys[:] = -1
-        self._coarse_keys[:] = -1
+        self._keys[:] = EMPTY
+        self._coarse_keys[:] = EMPTY
 
     def add(self, points_enu_m: Floats, stamp_ns: int) -> None:
         """Add the points (n, 3) of a scan."""
@@ -71,7 +72,7 @@ class StepMap:
         points_enu_m
             Points (n, 3), at most half a metre beside their place.
         pivot_enu_m
-            The sensor (3,), about which the heading may be wrong.
+            The sensor (3,) as the points are placed, about which the heading may be wrong.
         stamp_ns
             Time of the points.
 

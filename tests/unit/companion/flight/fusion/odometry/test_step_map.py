@@ -83,6 +83,15 @@ def test_returns_from_below_the_ground_are_no_shadow() -> None:
     assert not steps.shift(scan_of(near_ground), SENSOR, LATER_NS)[1].any()
 
 
+def test_where_nothing_was_seen_there_is_no_shadow() -> None:
+    step = np.array([-0.1, -0.1, 3.0])  # in the cell next to the origin, to the south-west
+    steps, high = StepMap(), np.array([[0.5, 0.5, 3.0]] * 200) * np.random.default_rng(5).random((200, 3))
+    high[:, 2] = 3.0
+    for k in range(5):
+        steps.add(high, 1_000_000_000 + k)
+    assert steps.shift(np.repeat(step[np.newaxis], 100, axis=0) * (-1, -1, 1), SENSOR, LATER_NS)[2] == 0
+
+
 def test_a_cleared_map_tells_nothing() -> None:
     steps = mapped(roofs)
     steps.clear()
