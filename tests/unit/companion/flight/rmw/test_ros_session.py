@@ -115,7 +115,8 @@ async def test_an_absent_router_blocks_nothing_and_is_found_when_it_comes(
         assert not session.is_connected()
         publisher.put(text("early"))
         with router(port) as endpoint:
-            await until(session.is_connected)
+            await until(lambda: "connected to Zenoh" in caplog.text)
+            assert session.is_connected()
             client = Client(endpoint)
             client.listen_late(f"0/slz/last/std_msgs::msg::dds_::String_/{STRING}")
             assert bytes((await client.next()).payload) == text("early")
