@@ -15,6 +15,7 @@ from tests.e2e.harness import POINT_RATE_HZ, Mission
 
 RATE_HZ = {"vlp16": round(vlp16.RATE_HZ)}  # its own: thinned to 50,000 it takes specks of dust for objects
 ON_REQUEST = [  # for their time
+    pytest.param("plain", 3, "mid360", marks=pytest.mark.bench),  # as tests/e2e/test_map_frames.py flies it
     pytest.param("plain", 3, "ouster", marks=pytest.mark.bench),
     pytest.param("plain", 4, "sf45", marks=pytest.mark.bench),
     pytest.param("plain", 2, "vlp16", marks=pytest.mark.bench),
@@ -22,7 +23,7 @@ ON_REQUEST = [  # for their time
 ]
 
 
-@pytest.mark.parametrize(("scene", "seed", "lidar"), [("plain", 3, "mid360"), *ON_REQUEST])
+@pytest.mark.parametrize(("scene", "seed", "lidar"), ON_REQUEST)
 @pytest.mark.timeout(600)  # a flight of 200,000 packets and its replay, on whatever else the computer does
 def test_surveys_chooses_and_lands_on_safe_ground_and_again_in_the_replay(
     scene: str, seed: int, lidar: str, tmp_path: Path
@@ -50,10 +51,9 @@ def test_surveys_chooses_and_lands_on_safe_ground_and_again_in_the_replay(
 def test_with_odometry_it_lands_by_the_map_and_again_in_the_replay(tmp_path: Path) -> None:
     """Between the stands the place is observed: the replay has the same corrections, or other windows."""
     recording = tmp_path / "flight.mcap"
-    sensor = {"lidar_ms": 50, "tick_ns": 10_000_000, "point_rate_hz": 100_000}
-    mission = Mission(
-        "stadium", seed=2, height_m=13.0, survey_s=5.0, simulated=sensor, record=recording, odometry="map"
-    )
+    sensor = {"lidar_ms": 50, "tick_ns": 10_000_000, "point_rate_hz": 50_000}
+    flown = {"height_m": 11.0, "survey_s": 4.0, "zone_m": 100.0}
+    mission = Mission("stadium", seed=2, simulated=sensor, record=recording, odometry="map", **flown)
 
     async def script(m: Mission) -> None:
         await m.until_phase(Phase.LANDED)

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from companion.flight.fusion.odometry.correction import Correction
 from companion.flight.fusion.odometry.correction_filter import CorrectionFilter
 from companion.flight.fusion.odometry.gyro_track import GyroTrack
+from companion.flight.fusion.odometry.map_uncertainty import SHARED_M, MapUncertainty
 from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
 from companion.flight.fusion.odometry.registration_kernel import normal_equations
 from companion.flight.fusion.odometry.step_map import StepMap
@@ -38,6 +39,7 @@ UNSURE_M, UNSURE_RAD = 0.5, np.radians(2.0)  # of an axis that is not observed, 
 VELOCITY_MS = 0.03  # standard deviation of a velocity beside its drift
 FRESH_NS = 500_000_000
 DRIFT_NS, DRIFT_STEP_NS = 10_000_000_000, 500_000_000
+NEVER_NS = -(10**18)
 STUCK = 20  # updates refused in a row, after which the map begins anew
 
 
@@ -67,10 +69,11 @@ class LidarOdometry:
         self.gyro = gyro
         self._history = history
         self._map, self._steps, self._filter = SurfelMap(), StepMap(), CorrectionFilter()
+        self._unsure, self._map_variance_m2 = MapUncertainty(), np.zeros(3)
         self._waiting: list[Scan] = []
         self._last_ns: int | None = None
         self._epoch = history.epoch
-        self._seen_ns = np.zeros(6, np.int64)
+        self._seen_ns = np.full(6, NEVER_NS)
         self._refused_in_row = 0
         self._track: deque[tuple[int, Floats]] = deque()
         self.estimate: OdometryEstimate | None = None
@@ -115,8 +118,10 @@ class LidarOdometry:
         """Begin the map anew; the correction stays."""
         self._map.clear()
         self._steps.clear()
+        self._unsure.clear()
+        self._map_variance_m2 = np.zeros(3)
         self._waiting, self._last_ns = [], None
-        self._seen_ns[:] = 0
+        self._seen_ns[:] = NEVER_NS
         self._track.clear()
         self._refused_in_row = 0
         self._filter = CorrectionFilter()
@@ -132,6 +137,7 @@ class LidarOdometry:
             placed = correction.points(points)
             self._map.add(placed, np.zeros(len(points), np.bool_), at_ns, sensor_enu_m)
             self._steps.add(placed, at_ns)
+            self._unsure.add(at_ns, np.zeros(3))
             return
         seconds = (at_ns - self._last_ns) * 1e-9
         correction = replace(correction, turn_rad=correction.turn_rad + self._heading_error(at_ns))
@@ -139,7 +145,7 @@ class LidarOdometry:
         predicted = self._filter.predict(
             np.concatenate([correction.turn_rad, correction.shift_enu_m, correction.rate_enu_ms]), seconds
         )
-        state, fits, known, placed = self._register(points, sensor_enu_m, at_ns, predicted, seconds)
+        state, fits, known, placed, age_ns = self._register(points, sensor_enu_m, at_ns, predicted, seconds)
         if not fits:
             self.refused += 1
             self._refused_in_row += 1
@@ -150,6 +156,8 @@ class LidarOdometry:
         self._refused_in_row = 0
         self.updates += 1
         self._seen_ns[self._filter.observed] = at_ns
+        self._map_variance_m2 = self._unsure.variance_m2(at_ns - age_ns)
+        self._unsure.add(at_ns, self._map_variance_m2 + np.diag(self._filter.covariance)[3:6] + SHARED_M**2)
         self._set(state, sensor_enu_m, at_ns)
         self._map.add(placed, known, at_ns, sensor_enu_m + state[3:6])
         self._steps.add(placed, at_ns)
@@ -179,15 +187,15 @@ class LidarOdometry:
 
     def _register(
         self, points: Floats, pivot: Floats, at_ns: int, predicted: Floats, seconds: float
-    ) -> tuple[Floats, bool, NDArray[np.bool_], Floats]:
-        """Return state, whether scan and map agree, points that the map knows, and points on the map."""
+    ) -> tuple[Floats, bool, NDArray[np.bool_], Floats, int]:
+        """Return state, whether scan and map agree, points that the map knows, points on it, and its age."""
         state, surfels = predicted.copy(), self._map
         placed, known = np.empty_like(points), np.empty(len(points), np.bool_)
         left, right = np.zeros((6, 6)), np.zeros(6)
-        met = matched = walls = steep = 0
+        met = matched = walls = steep = age_ns = 0
         target, information, near_steps = np.zeros(2), np.zeros((2, 2)), 0
         for number, sigma_m in enumerate(SIGMAS_M):
-            met, matched, walls, steep = normal_equations(
+            met, matched, walls, steep, age_ns = normal_equations(
                 points,
                 pivot,
                 Correction(state[:3]).rotation,
@@ -226,7 +234,7 @@ class LidarOdometry:
         if fits:
             state[6:] += self._filter.finish(moved, left, steep)
             state[6:] = self._filter.known_rates(state[6:])  # the rest goes on as the autopilot has it
-        return state, bool(fits), known, placed
+        return state, bool(fits), known, placed, age_ns
 
     def _set(self, state: Floats, pivot_enu_m: Floats, at_ns: int) -> None:
         """Hand the correction to the history, and form the estimate."""
@@ -241,6 +249,7 @@ class LidarOdometry:
             return
         order = [3, 4, 5, 0, 1, 2]
         unsure = np.where(observed, 0.0, [UNSURE_RAD**2] * 3 + [UNSURE_M**2] * 3)
+        unsure[3:] += self._map_variance_m2 + SHARED_M**2
         self.estimate = OdometryEstimate(
             stamp_ns=pose.stamp_ns,
             position_enu_m=pose.position_enu_m,
