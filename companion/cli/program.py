@@ -12,6 +12,7 @@ from companion.cli.bench import bench
 from companion.cli.calibrate import calibrate
 from companion.cli.demo import demo
 from companion.cli.doctor import doctor
+from companion.cli.evidence import evidence
 from companion.cli.map import map_
 from companion.cli.nearest import nearest
 from companion.cli.params_table import params_
@@ -40,6 +41,7 @@ app.command()(doctor)
 app.command("map")(map_)
 app.command(context_settings={"ignore_unknown_options": True})(nearest)  # because longitudes may be negative
 app.command()(reproduce)
+app.command()(evidence)
 app.command()(bench)
 app.command("params")(params_)
 

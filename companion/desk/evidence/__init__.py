@@ -1,0 +1,52 @@
+"""Safety case from the artefacts of runs (`slz evidence`)."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from companion.desk.evidence.artefact_file import read_artefact
+from companion.desk.evidence.case_document import case_document
+from companion.desk.evidence.case_markdown import case_markdown
+from companion.desk.evidence.case_page import case_page
+from companion.desk.evidence.hazard_list import hazards
+from companion.desk.evidence.safety_case import make_case
+from companion.runtime import output_folder
+from companion.runtime.errors import UsageError
+from companion.runtime.program_version import program_version
+
+__all__ = ["run"]
+
+
+def run(out: Path, artefacts: Sequence[Path]) -> dict[str, Any]:
+    """Read artefacts, write evidence.html, evidence.md and evidence.json, and return a summary.
+
+    Raises
+    ------
+    UsageError
+        An artefact cannot be read or is named twice, or the folder cannot be written.
+    """
+    twice = [path for path, count in Counter(path.resolve() for path in artefacts).items() if count > 1]
+    if twice:
+        raise UsageError(f"--artefact {twice[0]}: named twice")
+    read = [read_artefact(path) for path in artefacts]
+    case = make_case(hazards(), read, program_version())
+    made = datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC")
+    document = case_document(case, made)
+    texts = {
+        "evidence.html": case_page(case, made),
+        "evidence.md": case_markdown(case, made),
+        "evidence.json": json.dumps(document, indent=1) + "\n",
+    }
+    output_folder.prepare(out)
+    try:
+        for name, text in texts.items():
+            (out / name).write_text(text, "utf-8")
+    except OSError as error:
+        raise UsageError(f"--out {out}: cannot be written: {error}") from None
+    kept = ("program", "states", "headline", "unknown_counts", "repeated_runs")
+    return {name: document[name] for name in kept} | {"files": [str(out / name) for name in texts]}

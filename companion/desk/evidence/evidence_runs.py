@@ -1,0 +1,67 @@
+"""Runs that an artefact reports: their kind, seeds, program version, and outcome."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+UNKNOWN_VERSION = ""
+SIMULATION = "simulation"
+ENVIRONMENTS = (SIMULATION, "recording", "hardware", "flight")
+
+Seeds = tuple[tuple[int, int], ...]
+"""Ranges of seeds, each from its first to the one after its last."""
+
+
+@dataclass(frozen=True, slots=True)
+class Runs:
+    """Runs of one kind and variant, by one version of the program; two with common seeds are the same runs.
+
+    Attributes
+    ----------
+    source
+        Kind of evidence: test, campaign, landings, fuzz, soak, counts; or a measure over several kinds:
+        touchdowns, collisions, commands.
+    variant
+        Test's node ID, fault, kind of flight, harness, clock, or the tool and hazard of a count.
+    failures
+        Runs that did not end as required, the unsafe ones included.
+    unsafe
+        Runs that touched unsafe ground, hit something, or commanded against the pilot.
+    is_random
+        Whether the runs are independent random draws; without this a count has no bound.
+    what
+        First failure in words.
+    """
+
+    source: str
+    variant: str
+    seeds: Seeds
+    program: str
+    runs: int = 1
+    failures: int = 0
+    unsafe: int = 0
+    skipped: int = 0
+    is_random: bool = True
+    environment: str = SIMULATION
+    what: str = ""
+
+
+def one(number: int) -> Seeds:
+    """Return the seeds of a single run."""
+    return ((number, number + 1),)
+
+
+def overlap(a: Seeds, b: Seeds) -> bool:
+    """Return whether any seed is in both."""
+    return any(p[0] < q[1] and q[0] < p[1] for p in a for q in b)
+
+
+def seeds_text(seeds: Seeds) -> str:
+    """Return ranges as text, such as `0-1999, 5000`; neighbouring ranges are joined."""
+    joined: list[list[int]] = []
+    for first, end in sorted(seeds):
+        if joined and first <= joined[-1][1]:
+            joined[-1][1] = max(joined[-1][1], end)
+        else:
+            joined.append([first, end])
+    return ", ".join(f"{first}" if end == first + 1 else f"{first}-{end - 1}" for first, end in joined)

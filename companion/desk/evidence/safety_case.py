@@ -1,0 +1,199 @@
+"""Safety case: what the runs say about each hazard."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+from companion.desk.evidence.artefact_file import Artefact
+from companion.desk.evidence.binomial_bound import upper_bound
+from companion.desk.evidence.evidence_ledger import Entry, Ledger
+from companion.desk.evidence.evidence_runs import SIMULATION
+from companion.desk.evidence.hazard_list import Hazard, Severity
+
+KINDS = ("test", "campaign", "landings", "fuzz", "soak", "counts")
+MEASURES = ("touchdowns", "collisions", "commands")
+MOST_FAILURES = 10  # of one row that are named
+
+
+class State(Enum):
+    """State of a hazard's evidence, the worst first: the order of the page."""
+
+    UNSAFE = "UNSAFE"  # touched unsafe ground, hit something, or commanded against the pilot
+    FAILED = "FAILED"
+    NONE = "NO EVIDENCE"
+    PARTIAL = "evidence in part"
+    SHOWN = "evidence"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Runs of one link of a hazard.
+
+    Attributes
+    ----------
+    label
+        Kind and name, such as "campaign lidar_stop".
+    runs
+        Without the skipped ones, and those in which the hazard did not come.
+    is_random
+        Whether the runs are independent random draws.
+    failed_bound, unsafe_bound
+        Upper bounds at 95 % of their probability in a run; None where runs are no random draws.
+    failures_named
+        The first failures in words.
+    """
+
+    label: str
+    source: str
+    environment: str
+    is_random: bool
+    runs: int
+    failures: int
+    unsafe: int
+    skipped: int
+    failed_bound: float | None
+    unsafe_bound: float | None
+    failures_named: tuple[str, ...]
+    artefacts: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class HazardEvidence:
+    """A hazard, the state of its evidence and its findings; a finding without a run is missing evidence."""
+
+    hazard: Hazard
+    state: State
+    findings: tuple[Finding, ...]
+
+    def with_runs(self) -> int:
+        """Return the number of findings that have a run."""
+        return sum(finding.runs > 0 for finding in self.findings)
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyCase:
+    """All hazards with their evidence, by one version of the program.
+
+    Attributes
+    ----------
+    hazards
+        Those that failed first, then those without evidence; of each state the most severe first.
+    measures
+        Touchdowns, collisions, and commands against the pilot, over all kinds of flights.
+    unlinked
+        Failures that belong to no hazard of the list.
+    unknown_counts
+        Names of counts that belong to no hazard of the list.
+    repeated
+        Runs that several artefacts report, counted once.
+    """
+
+    program: str
+    artefacts: tuple[Artefact, ...]
+    hazards: tuple[HazardEvidence, ...]
+    measures: tuple[Finding, ...]
+    unlinked: tuple[Finding, ...]
+    unknown_counts: tuple[str, ...]
+    repeated: int
+
+    def number(self, state: State) -> int:
+        """Return the number of hazards in a state."""
+        return sum(each.state is state for each in self.hazards)
+
+
+def make_case(hazards: Sequence[Hazard], artefacts: Sequence[Artefact], program: str) -> SafetyCase:
+    """Return the safety case of a version of the program; runs of other versions do not count."""
+    reported = (Entry(runs, (k,)) for k, artefact in enumerate(artefacts) for runs in artefact.runs)
+    ledger = Ledger(program, reported)
+    judged = [_judged(hazard, ledger) for hazard in hazards]
+    states, severities = list(State), list(Severity)
+    measures = [f for name in MEASURES for f in _findings(name, ledger.entries(name)) if f.runs]
+    linked = {e for h in hazards for _, entries in _links(h, ledger) for e in entries}
+    others = [entry for source in KINDS for entry in ledger.entries(source) if entry not in linked]
+    unlinked = [
+        finding
+        for entry in others
+        if entry.runs.failures
+        for finding in _findings(f"{entry.runs.source} {entry.runs.variant}".rstrip(":"), [entry])
+    ]
+    named = {e.runs.variant for e in others if e.runs.source == "counts"}
+    return SafetyCase(
+        program,
+        tuple(artefacts),
+        tuple(sorted(judged, key=lambda e: (states.index(e.state), severities.index(e.hazard.severity)))),
+        tuple(measures),
+        tuple(unlinked),
+        tuple(sorted(name for name in named if not name.endswith(":"))),
+        ledger.repeated,
+    )
+
+
+def _judged(hazard: Hazard, ledger: Ledger) -> HazardEvidence:
+    findings = tuple(f for label, entries in _links(hazard, ledger) for f in _findings(label, entries))
+    if any(f.unsafe for f in findings):
+        state = State.UNSAFE
+    elif any(f.failures for f in findings):
+        state = State.FAILED
+    elif not any(f.runs for f in findings):
+        state = State.NONE
+    else:
+        state = State.SHOWN if all(f.runs for f in findings) else State.PARTIAL
+    return HazardEvidence(hazard, state, findings)
+
+
+def _links(hazard: Hazard, ledger: Ledger) -> list[tuple[str, list[Entry]]]:
+    """Return the evidence that a hazard asks for, with its runs; counts only where there are some."""
+    tests = ledger.entries("test")
+    links = [(node, [e for e in tests if _is_of(e.runs.variant, node)]) for node in hazard.tests]
+    for source in ("campaign", "landings", "fuzz", "soak"):
+        links += [(f"{source} {name}", ledger.entries(source, name)) for name in getattr(hazard, source)]
+    links += [(name, ledger.entries(name)) for name in hazard.measures]
+    names = {hazard.id, *hazard.counts, *hazard.campaign}
+    for variant in ledger.variants("counts"):
+        tool, _, name = variant.partition(":")
+        if name in names:
+            links.append((f"{tool} {name}", ledger.entries("counts", variant)))
+    return links
+
+
+def _is_of(variant: str, node: str) -> bool:
+    """Return whether a test's case is one of a node: the same file, function, or case."""
+    return variant == node or variant.startswith((f"{node}::", f"{node}["))
+
+
+def _findings(label: str, entries: Sequence[Entry]) -> list[Finding]:
+    """Return a finding for each environment, runs that are no random draws apart; one without a run for none.
+
+    A bound needs independent draws: others among them would take it away.
+    """
+    groups: dict[tuple[str, bool], list[Entry]] = {}
+    for entry in entries:
+        groups.setdefault((entry.runs.environment, not entry.runs.is_random), []).append(entry)
+    if not groups:
+        return [_finding(label, SIMULATION, False, [])]
+    return [_finding(label, name, not chosen, some) for (name, chosen), some in sorted(groups.items())]
+
+
+def _finding(label: str, environment: str, is_random: bool, entries: Sequence[Entry]) -> Finding:
+    skipped = sum(e.runs.skipped for e in entries)
+    runs = sum(e.runs.runs for e in entries) - skipped
+    failures, unsafe = sum(e.runs.failures for e in entries), sum(e.runs.unsafe for e in entries)
+    named = [e.runs.what for e in entries if e.runs.what]
+    if len(named) > MOST_FAILURES:
+        named = [*named[:MOST_FAILURES], f"and {len(named) - MOST_FAILURES} more"]
+    return Finding(
+        label,
+        entries[0].runs.source if entries else label.split(" ")[0],
+        environment,
+        is_random,
+        runs,
+        failures,
+        unsafe,
+        skipped,
+        upper_bound(failures, runs) if is_random and runs else None,
+        upper_bound(unsafe, runs) if is_random and runs else None,
+        tuple(named),
+        tuple(sorted({k for e in entries for k in e.artefacts})),
+    )

@@ -1,0 +1,197 @@
+"""Artefacts: recognised by their content, or refused in one line that names the place."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+
+import pytest
+from _pytest.junitxml import LogXML, xml_key
+
+from companion.desk.evidence.artefact_file import read_artefact
+from companion.desk.evidence.landing_counts import counts_document
+from companion.runtime.errors import UsageError
+from companion.runtime.program_version import program_version
+from tests.conftest import pytest_sessionstart
+from tests.unit.companion.desk.evidence.results import (
+    NOW,
+    artefact,
+    campaign_flight,
+    case,
+    counts,
+    junit,
+    landing,
+    written,
+)
+
+SOAK = {"hours": 24.0, "reports": 9, "rss_growth": 0.0, "failed": [], "came_of": {"safe": 50, "unsafe": 1},
+        "clock": "simulated", "seed": 1, "program": NOW}  # fmt: skip
+
+
+def numbers(path: Path) -> dict[str, tuple[int, int, int, int]]:
+    """Return runs, failures, unsafe and skipped by source and variant."""
+    found: dict[str, tuple[int, int, int, int]] = {}
+    for r in read_artefact(path).runs:
+        before = found.get(f"{r.source} {r.variant}", (0, 0, 0, 0))
+        more = (r.runs, r.failures, r.unsafe, r.skipped)
+        runs, failures, unsafe, skipped = (a + b for a, b in zip(before, more, strict=True))
+        found[f"{r.source} {r.variant}"] = (runs, failures, unsafe, skipped)
+    return found
+
+
+def test_tests_pass_fail_and_are_skipped(tmp_path: Path) -> None:
+    cases = case("test_a[1]") + case("test_b", "<failure message='no'/>") + case("test_c", "<skipped/>")
+    read = artefact(tmp_path, "junit.xml", junit(cases + case("test_d", "<error message='broken'/>")))
+    assert read.kind == "test"
+    assert read.programs() == [NOW]
+    assert [(r.variant.partition("::")[2], r.failures, r.skipped, r.what) for r in read.runs] == [
+        ("test_a[1]", 0, 0, ""),
+        ("test_b", 1, 0, "no"),
+        ("test_c", 0, 1, ""),
+        ("test_d", 1, 0, "broken"),
+    ]
+    assert read.runs[0].variant == "tests/unit/test_a.py::test_a[1]"
+
+
+def test_the_digest_is_that_of_the_file(tmp_path: Path) -> None:
+    path = written(tmp_path, "flights.jsonl", campaign_flight(0))
+    assert read_artefact(path).sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_flights_of_the_campaign_are_judged_by_what_they_record(tmp_path: Path) -> None:
+    late = campaign_flight(1, not_as_stated=["still in final"])
+    unsafe = campaign_flight(2, safe=False, not_as_stated=["touched unsafe ground"])
+    pilots = campaign_flight(3, safe=False, landed_by="pilot")
+    against = campaign_flight(4, commands_while_pilot_flies=2, touchdown=None, safe=None)
+    hit = campaign_flight(5, touchdown=None, safe=None, collision={"e": 0.0})
+    path = written(tmp_path, "flights.jsonl", campaign_flight(0), late, unsafe, pilots, against, hit)
+    assert numbers(path) == {
+        "campaign lidar_stop": (6, 4, 3, 0),
+        "touchdowns campaign": (3, 1, 1, 0),
+        "collisions campaign": (6, 1, 1, 0),
+        "commands campaign": (6, 1, 1, 0),
+    }
+
+
+def test_flights_of_the_landing_benchmark_are_trials_of_their_hazard_only_where_it_came(
+    tmp_path: Path,
+) -> None:
+    flights = [
+        landing(0),
+        landing(1, hazard_arrived=False),
+        landing(2, safe=False),
+        landing(3, crossing={"late": True, "needless": 0}),
+        landing(4, error_m=None, landed=False, safe=False, failure="in climb after 600 s"),
+    ]
+    assert numbers(written(tmp_path, "landings.json", *flights)) == {
+        "landings hazard": (5, 3, 1, 1),
+        "touchdowns landings hazard": (4, 1, 1, 0),
+        "collisions landings hazard": (5, 0, 0, 0),
+        "commands landings hazard": (5, 0, 0, 0),
+    }
+
+
+def test_a_soak_is_one_run_and_its_landings_are_touchdowns(tmp_path: Path) -> None:
+    path = written(tmp_path, "simulated.json", SOAK | {"failed": ["memory"]})
+    assert numbers(path) == {"soak simulated": (1, 1, 0, 0), "touchdowns soak simulated": (51, 1, 1, 0)}
+
+
+def test_inputs_of_each_harness_are_counted(tmp_path: Path) -> None:
+    harnesses = [
+        {"name": "livox", "inputs": 500, "ok": True, "failures": []},
+        {"name": "las", "inputs": 10, "ok": False, "failures": ["IndexError: no"]},
+        {"name": "pcd", "inputs": 20, "ok": False, "failures": []},
+    ]
+    made = {"format": "slz-fuzz", "version": 1, "program": NOW, "seed": 7, "harnesses": harnesses}
+    path = written(tmp_path, "fuzz.json", made)
+    assert numbers(path) == {
+        "fuzz livox": (500, 0, 0, 0),
+        "fuzz las": (10, 1, 0, 0),
+        "fuzz pcd": (20, 1, 0, 0),
+    }
+
+
+def test_counts_of_any_tool_are_flights_touchdowns_and_hazards(tmp_path: Path) -> None:
+    assert numbers(written(tmp_path, "counts.json", counts(safe=9_988, unsafe=2))) == {
+        "counts search:": (10_000, 2, 2, 0),
+        "touchdowns search": (9_990, 2, 2, 0),
+        "counts search:box": (100, 0, 0, 0),
+    }
+    made = counts_document("mine", [(0, 5)], {"safe": 4, "aborted": 1}, {"post": {"safe": 1}})
+    read = artefact(tmp_path, "mine.json", json.dumps(made, indent=1))
+    assert read.programs() == [program_version()]
+    assert read.count(program_version()) == 5
+
+
+def test_a_report_of_tests_records_the_version(tmp_path: Path) -> None:
+    log = LogXML(str(tmp_path / "junit.xml"), None)
+
+    class Session:
+        config = type("Settings", (), {"stash": {xml_key: log}})
+
+    pytest_sessionstart(Session())  # type: ignore[arg-type]
+    assert log.global_properties == [("slz_program", program_version())]
+
+
+def test_results_made_before_versions_were_recorded_are_of_an_unknown_one(tmp_path: Path) -> None:
+    old_flight = {k: v for k, v in campaign_flight(0).items() if k not in ("program", "not_as_stated")}
+    old_landing = {k: v for k, v in landing(0).items() if k not in ("program", "kind")}
+    old_soak = {k: v for k, v in SOAK.items() if k not in ("program", "clock", "seed")}
+    for name, old in (("a", old_flight), ("b", old_landing), ("c", old_soak), ("d", junit(case("t"), ""))):
+        read = artefact(tmp_path, name, old)
+        assert read.programs() == [""]
+        assert "made before versions were recorded" in read.notes[-1]
+
+
+def test_a_last_line_cut_short_is_left_out_and_said(tmp_path: Path) -> None:
+    path = written(tmp_path, "flights.jsonl", campaign_flight(0))
+    path.write_text(path.read_text("utf-8") + '{"number": 1, "fau', "utf-8")
+    read = read_artefact(path)
+    assert read.count(NOW) == 1
+    assert read.notes == ["the last line is cut off and left out"]
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ("", "it is empty"),
+        ("hello", "no JSON"),
+        ("[1]", "a JSON object was expected"),
+        ('{"a": 1}', "no result of tests, campaign, landings, fuzz or soak"),
+        ("<html/>", "<html> is no JUnit report"),
+        ("<testsuites>", "no XML"),
+        ("<!DOCTYPE x><testsuites/>", "definitions of its own"),
+        (junit(""), "it holds no run"),
+        (json.dumps(campaign_flight(0)) + "\nnonsense\n", "line 2: no JSON"),
+        (f"{json.dumps(campaign_flight(0))}\n{json.dumps(landing(0))}\n", "line 2: no flight of campaign"),
+        (json.dumps(campaign_flight(-1)), "'number' is -1: a whole number from 0 was expected"),
+        (json.dumps(counts(version=2)), "'version' is 2: 1 was expected"),
+        (json.dumps(counts(safe=9_991)), "'flights' is 10000: the sum of the ends, 10001, was expected"),
+        (json.dumps(counts(seeds=[[5, 5]])), "ranges [first, last + 1]"),
+        (json.dumps(counts(seeds=[[0, 9]])), "a seed for each flight of an independent sample"),
+        (json.dumps(counts(tool="campaign")), "'tool' is 'campaign'"),
+        (json.dumps(counts(sampling="some")), "independent or adaptive was expected"),
+        (json.dumps(counts(by_hazard={"a": 1})), "'a' is 1: an object was expected"),
+        ('{"format": "slz-fuzz", "seed": 1, "harnesses": [3]}', "harness 1: 'name' is missing"),
+    ],
+)  # fmt: skip
+def test_what_is_no_artefact_is_one_line_with_the_file_and_the_fault(
+    tmp_path: Path, content: str, said: str
+) -> None:
+    path = tmp_path / "bad"
+    path.write_text(content, "utf-8")
+    with pytest.raises(UsageError) as refused:
+        read_artefact(path)
+    text = str(refused.value)
+    assert text.startswith(f"--artefact {path}")
+    assert said in text
+    assert "\n" not in text
+
+
+def test_a_file_that_is_not_there_or_no_text_is_one_line(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="No such file"):
+        read_artefact(tmp_path / "none")
+    (tmp_path / "picture").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(UsageError, match="no text in UTF-8"):
+        read_artefact(tmp_path / "picture")

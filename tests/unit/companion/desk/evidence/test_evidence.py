@@ -1,0 +1,110 @@
+"""`slz evidence`: its page, Markdown and JSON."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from pathlib import Path
+
+import pytest
+
+from companion.cli import program
+from companion.desk import evidence
+from companion.desk.evidence.case_text import share
+from companion.desk.evidence.hazard_list import hazards
+from companion.runtime.errors import UsageError
+from companion.runtime.program_version import program_version
+from tests.unit.companion.desk.evidence.results import OLD, campaign_flight, case, counts, junit, written
+
+
+def texts(folder: Path) -> list[str]:
+    return [(folder / f"evidence.{kind}").read_text("utf-8") for kind in ("html", "md")]
+
+
+def test_without_an_artefact_every_hazard_has_no_evidence(tmp_path: Path) -> None:
+    summary = evidence.run(tmp_path, [])
+    assert summary["states"]["NO EVIDENCE"] == len(hazards())
+    for text in texts(tmp_path):
+        assert "NO EVIDENCE AT ALL" in text
+        assert "NO EVIDENCE of touchdowns" in text
+        assert "No evidence of real flights" in text
+        assert text.count("NO EVIDENCE") > len(hazards())
+        assert all(h.id in text for h in hazards())
+
+
+def test_a_failure_is_shown_before_everything_else(tmp_path: Path) -> None:
+    unsafe = campaign_flight(77, fault="killed", safe=False, program=program_version())
+    path = written(tmp_path, "flights.jsonl", campaign_flight(1, program=program_version()), unsafe)
+    summary = evidence.run(tmp_path / "out", [path])
+    assert summary["states"]["UNSAFE"] > 0
+    document = json.loads((tmp_path / "out" / "evidence.json").read_text("utf-8"))
+    assert document["hazards"][0]["state"] == "UNSAFE"
+    assert document["artefacts"][0]["runs"] == {program_version(): 2}
+    page, markdown = texts(tmp_path / "out")
+    assert "campaign 77: touched unsafe ground" in page
+    assert "campaign 77: touched unsafe ground" in markdown
+    states = re.findall(r"<span class=badge>([^<]*)</span>", page)
+    assert states == sorted(
+        states, key=["UNSAFE", "FAILED", "NO EVIDENCE", "evidence in part", "evidence"].index
+    )
+    assert states[0] == "UNSAFE"
+
+
+def test_artefacts_of_another_or_an_unknown_version_are_named_and_not_counted(tmp_path: Path) -> None:
+    stale = written(tmp_path, "stale.jsonl", campaign_flight(1, program=OLD))
+    unknown = written(tmp_path, "unknown.xml", junit(case("test_a"), ""))
+    assert evidence.run(tmp_path, [stale, unknown])["states"]["NO EVIDENCE"] == len(hazards())
+    for text in texts(tmp_path):
+        assert f"STALE: 1 runs of version {OLD}, not counted" in text
+        assert "UNKNOWN VERSION: 1 runs, not counted" in text
+        assert "Runs of another or unknown version, not counted: in A1, A2." in text
+
+
+def test_digests_seeds_and_bounds_are_on_the_page(tmp_path: Path) -> None:
+    path = written(
+        tmp_path, "counts.json", counts(program=program_version(), safe=10_000, refused=0, aborted=0)
+    )
+    summary = evidence.run(tmp_path, [path])
+    expected = "simulation: 10,000 touchdowns by the companion, 0 on unsafe ground; at most 0.030 % at 95 %."
+    assert expected in summary["headline"]
+    document = json.loads((tmp_path / "evidence.json").read_text("utf-8"))
+    for text in texts(tmp_path):
+        assert document["artefacts"][0]["sha256"] in text
+        assert "0-9999" in text
+        assert expected in text
+
+
+def test_the_page_loads_nothing_and_holds_no_markup_of_an_artefact(tmp_path: Path) -> None:
+    bad = campaign_flight(1, not_as_stated=["<script>alert(1)</script>"], program=program_version())
+    evidence.run(tmp_path, [written(tmp_path, "flights.jsonl", bad)])
+    page = texts(tmp_path)[0]
+    assert re.findall(r"<(?:script|link|img|iframe)|(?:src|url)\s*[=(]|https?:", page) == []
+    assert "&lt;script&gt;" in page
+
+
+def test_an_artefact_named_twice_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, "counts.json", counts())
+    with pytest.raises(UsageError, match="named twice"):
+        evidence.run(tmp_path, [path, path.parent / "." / path.name])
+
+
+def test_the_command_sums_up_in_json_or_refuses_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["slz", "evidence", "--out", str(tmp_path), "--json"])
+    with pytest.raises(SystemExit) as left:
+        program.main()
+    assert left.value.code == 0
+    assert json.loads(capsys.readouterr().out)["program"] == program_version()
+    monkeypatch.setattr(sys, "argv", ["slz", "evidence", "--out", str(tmp_path), "--artefact", "none.json"])
+    with pytest.raises(SystemExit) as left:
+        program.main()
+    assert left.value.code == 2
+    assert capsys.readouterr().err == "slz: --artefact none.json: No such file or directory\n"
+
+
+def test_shares_are_rounded_up() -> None:
+    assert [share(v) for v in (None, 1.0, 0.95, 0.0301, 0.00029953, 0.0002, 0.00100001, 3e-7)] == [
+        "-", "100 %", "95 %", "3.1 %", "0.030 %", "0.020 %", "0.11 %", "0.000030 %",
+    ]  # fmt: skip
