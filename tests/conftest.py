@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from _pytest.junitxml import xml_key
 from hypothesis import settings
 
 settings.register_profile("fixed", derandomize=True, deadline=None)
@@ -30,6 +31,16 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--mavproxy", type=Path, default=MAVPROXY, metavar="PATH", help="mavproxy.py to test with"
     )
+
+
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Record the version of the program in `--junitxml`; the fixture for it does not work with workers."""
+    report = session.config.stash.get(xml_key, None)
+    if report is not None:
+        from companion.desk.evidence.junit_report import PROGRAM_PROPERTY
+        from companion.runtime.program_version import program_version
+
+        report.add_global_property(PROGRAM_PROPERTY, program_version())
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -23,6 +23,7 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.landing.situation import Phase
+from companion.runtime.program_version import program_version
 from sitl import faults, scenes
 from sitl.autopilot.modes import Mode
 from sitl.intruders import Crosser, read
@@ -252,10 +253,11 @@ def main() -> None:
     own = parser.parse_args()
     plans = [plan(number, own.kind) for number in range(own.first, own.first + own.flights)]
     flights: list[dict[str, Any]] = []
+    made_by = {"kind": own.kind, "coarse": own.coarse, "program": program_version()}
     with multiprocessing.get_context("spawn").Pool(own.jobs) as pool, own.out.open("w") as out:
         for flight in pool.imap_unordered(functools.partial(fly, coarse=own.coarse), plans):
             flights.append(flight)
-            out.write(json.dumps(flight) + "\n")
+            out.write(json.dumps(flight | made_by) + "\n")
             out.flush()
             print(json.dumps(flight), file=sys.stderr)
     print(json.dumps(summary(flights), indent=1))

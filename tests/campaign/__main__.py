@@ -22,8 +22,9 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from companion.runtime.program_version import program_version
 from sitl import scenes
-from tests.campaign import log, report
+from tests.campaign import log, reactions, report
 from tests.campaign.flight import fly
 from tests.campaign.plan import CELLS, FAULTS, Plan, plan
 
@@ -63,13 +64,16 @@ def _arguments() -> argparse.Namespace:
 
 def _fly(plans: list[Plan], path: Path, total: int) -> None:
     columns = TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
+    program = program_version()
     gc.collect()
     gc.freeze()  # what is loaded stays: collections between flights need not look at it
     with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True)) as progress:
         task = progress.add_task("flights", total=total, completed=total - len(plans))
         for each in plans:
             progress.update(task, description=f"{each.fault} in {each.state.value}")
-            log.append(path, fly(each, path.parent))
+            flown = fly(each, path.parent)
+            judged = {"not_as_stated": reactions.faults_of(flown), "program": program}
+            log.append(path, flown | judged)
             progress.advance(task)
 
 

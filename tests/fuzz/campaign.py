@@ -20,10 +20,11 @@ import time
 import traceback
 import warnings
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from random import Random
 
+from companion.runtime.program_version import program_version
 from tests.fuzz import files, texts, wire
 from tests.fuzz.harness import Harness, Target, limited
 from tests.fuzz.mutation import mutated
@@ -172,19 +173,27 @@ def resident_mb() -> float:
     return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE / 2**20
 
 
+def document(outcomes: Sequence[Outcome], seed: int, program: str) -> dict[str, object]:
+    """Return the results as a document for `slz evidence`."""
+    harnesses = [asdict(o) | {"ok": o.ok, "failures": [*o.failures.values()]} for o in outcomes]
+    return {"format": "slz-fuzz", "version": 1, "program": program, "seed": seed, "harnesses": harnesses}
+
+
 def main() -> int:
     """Run the harnesses, cheap ones with more inputs, and print what came of each."""
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz.campaign", description=__doc__)
     parser.add_argument("--inputs", type=int, default=100_000, help="in all harnesses together")
     parser.add_argument("--only", default="", help="names of harnesses, with commas")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--out", type=Path, help="file for the results as JSON")
     parser.add_argument("--keep", type=Path, default=Path("out/fuzz"), help="folder for what fails")
     options = parser.parse_args()
     chosen = [ALL[name] for name in options.only.split(",")] if options.only else list(ALL.values())
     logging.disable(logging.CRITICAL)
     warnings.simplefilter("error")
     shares = sum(1 / h.cost for h in chosen)
-    outcomes = []
+    outcomes: list[Outcome] = []
+    program = program_version()
     with tempfile.TemporaryDirectory(dir="/dev/shm" if Path("/dev/shm").is_dir() else None) as folder:
         print(
             f"inputs that are files lie in {folder}, also when a library ends this process", file=sys.stderr
@@ -201,6 +210,9 @@ def main() -> int:
                 print(f"    {what}: {text}", flush=True)
     total, seconds = sum(o.inputs for o in outcomes), sum(o.seconds for o in outcomes)
     print(f"{total} inputs in {seconds:.0f} s, {sum(len(o.failures) for o in outcomes)} failures")
+    if options.out is not None:
+        options.out.parent.mkdir(parents=True, exist_ok=True)
+        options.out.write_text(json.dumps(document(outcomes, options.seed, program)) + "\n", "utf-8")
     return 0 if all(o.ok for o in outcomes) else 1
 
 

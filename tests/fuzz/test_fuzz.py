@@ -12,7 +12,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tests.fuzz.campaign import ALL, FOUND, replayed, run
+from companion.desk.evidence.artefact_file import read_artefact
+from tests.fuzz.campaign import ALL, FOUND, Outcome, document, replayed, run
 from tests.fuzz.harness import HangError, Harness, limited
 from tests.fuzz.mutation import mutated
 from tests.unit.companion.flight.sensors.ouster_packets import MISSING
@@ -68,6 +69,17 @@ def test_a_defect_is_found_and_its_input_made_small(tmp_path: Path) -> None:
     assert list(outcome.failures) == ["IndexError in ?"]
     case = json.loads(next(tmp_path.glob("fragile-*.json")).read_text("utf-8"))
     assert [base64.b64decode(data) for data in case["inputs"]] == [b"\xff"]
+
+
+def test_the_results_are_an_artefact_of_evidence(tmp_path: Path) -> None:
+    defect = Outcome("las", 10, failures={"IndexError in las.py:x": "no"})
+    outcomes = [Outcome("livox", 500), defect, Outcome("pcd", 20, grown_mb=99.0)]
+    path = tmp_path / "fuzz.json"
+    path.write_text(json.dumps(document(outcomes, 7, "1+a")) + "\n", "utf-8")
+    read = read_artefact(path)
+    assert read.programs() == ["1+a"]
+    found = [(r.variant, r.runs, r.failures) for r in read.runs]
+    assert found == [("livox", 500, 0), ("las", 10, 1), ("pcd", 20, 1)]
 
 
 def test_an_endless_input_is_stopped() -> None:

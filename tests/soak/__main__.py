@@ -13,6 +13,7 @@ import logging
 import sys
 from pathlib import Path
 
+from companion.runtime.program_version import program_version
 from tests.soak import picture, real
 from tests.soak.simulated import Day
 from tests.soak.verdict import judge
@@ -31,13 +32,14 @@ def main() -> None:
     logging.disable(logging.CRITICAL)
     hours = own.hours or HOURS[own.clock]
     path = own.out / f"{own.clock}.jsonl"
+    made_by = {"clock": own.clock, "seed": own.seed, "program": program_version()}
     came_of = {}
     if own.clock == "simulated":
         day = Day(hours, path, own.seed)
         gauges, came_of = day.fly(), day.came_of
     else:
         gauges = asyncio.run(real.run(hours, path))
-    told = judge(gauges.readings) | ({"came_of": came_of} if came_of else {})
+    told = made_by | judge(gauges.readings) | ({"came_of": came_of} if came_of else {})
     picture.draw(gauges.readings, path.with_suffix(".png"))
     path.with_suffix(".json").write_text(json.dumps(told) + "\n", "utf-8")
     print(json.dumps(told))

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from math import gcd
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from companion.desk.evidence.artefact_file import read_artefact
 from companion.flight.landing.situation import Phase
+from companion.runtime.program_version import program_version
+from tests.campaign import __main__ as campaign
 from tests.campaign import log, reactions, report
 from tests.campaign.plan import CELLS, FAULTS, STATES, STRIDE, number_of, plan
 
@@ -74,6 +78,20 @@ def test_a_campaign_goes_on_after_a_line_cut_short(tmp_path: Path) -> None:
     log.append(path, flight(number=4))
     log.append(path, flight(number=5))
     assert set(log.read(path)) == {3, 4, 5}
+
+
+def test_a_flight_is_recorded_with_its_judgement_and_the_program_s_version(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lost = "SLZ: LiDAR lost: holding"
+    monkeypatch.setattr(campaign, "fly", lambda p, _: flight(number=p.number, fault=p.fault, heard=[lost]))
+    words = ["campaign", "--flights", "1", "--fault", "none", "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", words)
+    with pytest.raises(SystemExit):
+        campaign.main()
+    flown = read_artefact(tmp_path / "flights.jsonl")
+    assert flown.programs() == [program_version()]
+    assert f"said '{lost}'" in flown.runs[0].what
 
 
 HELD = {"fault": "lidar_stop", "path": way("hold"), "landed": False, "phase": "hold"}
