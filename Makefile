@@ -10,7 +10,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 # The workers of the tests, and the programs that these start, share what Python has compiled.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test setup checks kernels lint types docs unit bench coverage mutation campaign soak fuzz audit constraints fresh clean
+.PHONY: demo test setup checks kernels lint types docs unit bench coverage mutation campaign soak fuzz evidence audit constraints fresh clean
 
 demo: $(PROGRAM)
 	$(BIN)/slz demo --headless --out out/demo
@@ -102,6 +102,17 @@ campaign: setup
 # A day on the simulated clock; CLOCK=real for two hours of real time at full rate (docs/soak.md).
 soak: setup
 	$(BIN)/python -m tests.soak $(or $(CLOCK),simulated)
+
+# Safety case of a short set of runs, in out/evidence; failures do not end it, for the page shows them. Results of
+# longer runs: ARTEFACTS="--artefact FILE ..." (docs/evidence.md).
+EVIDENCE := out/evidence
+evidence: setup
+	-OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m "not bench and not browser" \
+	    --junitxml $(EVIDENCE)/junit.xml
+	-$(BIN)/python -m tests.campaign --flights $(or $(FLIGHTS),215) --out $(EVIDENCE)/campaign
+	-$(BIN)/python -m tests.fuzz.campaign --inputs 100000 --out $(EVIDENCE)/fuzz.json
+	$(BIN)/slz evidence --out $(EVIDENCE) --artefact $(EVIDENCE)/junit.xml --artefact $(EVIDENCE)/campaign/flights.jsonl \
+	    --artefact $(EVIDENCE)/fuzz.json $(ARTEFACTS)
 
 clean:
 	rm -rf $(VENV) build dist out *.egg-info
