@@ -18,6 +18,7 @@ from companion.cli.params_table import params_
 from companion.cli.replay import replay
 from companion.cli.reproduce import reproduce
 from companion.cli.run import run
+from companion.cli.safe_map_benchmark import benchmark
 from companion.cli.simulator import sim
 from companion.runtime.errors import CompanionError, UsageError
 from companion.runtime.interrupt import Interrupted, Interrupts
@@ -41,6 +42,7 @@ app.command("map")(map_)
 app.command(context_settings={"ignore_unknown_options": True})(nearest)  # because longitudes may be negative
 app.command()(reproduce)
 app.command()(bench)
+app.command()(benchmark)
 app.command("params")(params_)
 
 
