@@ -60,6 +60,7 @@ def run(
         ("--prior", "survey", prior),
         ("--dashboard", "page", dashboard),
         ("--foxglove", "record", foxglove),
+        ("--ros2", "ros", ros2),
     ):
         if given is not None:
             extras.require(extra, option)

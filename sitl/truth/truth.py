@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sitl.scenes.scene import Scene
 from sitl.truth.footprint_span import measure_span
-from sitl.truth.geotiff import write_geotiff
+from sitl.truth.truth_raster_file import write_geotiff
 from sitl.truth.truth_surface import sample_top
 from sitl.world.primitives import Kind
 from sitl.world.world import World
