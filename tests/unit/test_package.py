@@ -102,22 +102,17 @@ def test_a_demo_flies_in_an_empty_folder_from_the_wheel(installed: Path, tmp_pat
     assert (tmp_path / "maps" / "truth.tif").is_file()
 
 
-def test_the_program_tells_its_versions_and_profiles(installed: Path, tmp_path: Path) -> None:
+def test_the_program_tells_its_versions_and_reads_its_own_files(installed: Path, tmp_path: Path) -> None:
     told = run(installed, tmp_path, "--version").stdout
     assert told.startswith(f"slz {version('slz')}, Python {sys.version.split()[0]}, numba {version('numba')}")
     assert told.count("\n") == 1
     listed = run(installed, tmp_path, "params", "--profile", "helicopter", "--json")
     assert json.loads(listed.stdout)["survey_height_m"]["value"] == 60.0
-    assert "--dashboard" in run(installed, tmp_path, "run", "--help", COLUMNS="120").stdout
+    assert "COM_OBL_RC_ACT" in run(installed, tmp_path, "params", "--autopilot", "px4").stdout
 
 
-@pytest.mark.parametrize(
-    ("shell", "says"), [("bash", "complete "), ("zsh", "#compdef slz"), ("fish", "complete --command slz")]
-)
-def test_completion_is_printed_and_writes_nothing(
-    installed: Path, tmp_path: Path, shell: str, says: str
-) -> None:
-    done = run(installed, tmp_path, HOME=str(tmp_path), _SLZ_COMPLETE=f"source_{shell}")
+def test_completion_is_printed_and_writes_nothing(installed: Path, tmp_path: Path) -> None:
+    done = run(installed, tmp_path, HOME=str(tmp_path), _SLZ_COMPLETE="source_bash")
     assert (done.returncode, done.stderr) == (0, "")
-    assert says in done.stdout
+    assert "complete " in done.stdout
     assert not list(tmp_path.iterdir())
