@@ -31,6 +31,7 @@ put() {  # put MODE SOURCE TARGET
 put 0644 "$here/deploy/slz.service" /etc/systemd/system/slz.service
 put 0644 "$here/deploy/60-slz.rules" /etc/udev/rules.d/60-slz.rules
 put 0644 "$here/deploy/60-slz-sysctl.conf" /etc/sysctl.d/60-slz.conf
+put 0755 "$here/deploy/slz-doctor" /usr/local/sbin/slz-doctor
 if [ ! -e "$root/etc/slz/slz.env" ]; then
     put 0640 "$here/deploy/slz.env" /etc/slz/slz.env
 fi
@@ -68,5 +69,5 @@ systemctl enable --quiet slz.service
 if systemctl is-active --quiet slz.service; then
     echo "slz is running: restart it when the vehicle stands: systemctl restart slz"
 else
-    echo "edit /etc/slz/slz.env, see that 'slz doctor' is content, then: systemctl start slz"
+    echo "edit /etc/slz/slz.env, see that 'slz-doctor' is content, then: systemctl start slz"
 fi

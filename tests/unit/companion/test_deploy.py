@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import configparser
+import os
 import re
 import shutil
 import subprocess
@@ -24,7 +25,7 @@ def install(root: Path) -> str:
 
 
 def test_a_second_run_changes_nothing_and_keeps_what_was_set(tmp_path: Path) -> None:
-    assert install(tmp_path).count("wrote") == 4
+    assert install(tmp_path).count("wrote") == 5
     mine = tmp_path / "etc/slz/slz.env"
     mine.write_text("SLZ_MAVLINK=/dev/ttyUSB7,57600\n")
     assert install(tmp_path) == ""
@@ -33,11 +34,33 @@ def test_a_second_run_changes_nothing_and_keeps_what_was_set(tmp_path: Path) -> 
     assert install(tmp_path) == "wrote /etc/systemd/system/slz.service\n"
 
 
-@pytest.mark.parametrize("words", [["--root"], ["--frobnicate"]])
-def test_bad_usage_is_one_line(words: list[str]) -> None:
-    done = subprocess.run([str(DEPLOY / "install.sh"), *words], capture_output=True, text=True)
+@pytest.mark.parametrize(
+    ("script", "words"),
+    [("install.sh", ["--root"]), ("install.sh", ["--frobnicate"]), ("image.sh", ["mips"])],
+)
+def test_bad_usage_is_one_line(script: str, words: list[str], tmp_path: Path) -> None:
+    done = subprocess.run([str(DEPLOY / script), *words], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode != 0
-    assert "install.sh:" in done.stderr
+    assert f"{script}:" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_doctor_of_the_service_gets_its_user_and_the_last_urls(tmp_path: Path) -> None:
+    (tmp_path / "slz.env").write_text(
+        '# of a test\nSLZ_MAVLINK=udpin:0.0.0.0:1\nSLZ_MAVLINK="/dev/ttyAMA0,921600"\n'
+        "SLZ_LIDAR=livox:0.0.0.0:56301?sensor=192.168.1.142\nSLZ_OPTIONS=--land auto --system 1\n"
+    )
+    (tmp_path / "runuser").write_text('#!/bin/sh\nprintf "%s\\n" "$@"\n')
+    (tmp_path / "runuser").chmod(0o755)
+    own = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}", "SLZ_ENV": str(tmp_path / "slz.env")}
+    command = [str(DEPLOY / "slz-doctor"), "--seconds", "5"]
+    words = subprocess.run(command, env=own, capture_output=True, text=True, check=True).stdout.splitlines()
+    assert words[:2] == ["-u", "slz"]
+    urls = ["--mavlink", "/dev/ttyAMA0,921600", "--lidar", "livox:0.0.0.0:56301?sensor=192.168.1.142"]
+    assert words[words.index("doctor") :] == ["doctor", *urls, "--seconds", "5"]
+    unit = (DEPLOY / "slz.service").read_text()
+    assert all(word in unit for word in words if "=" in word and word.partition("=")[0].isupper())
 
 
 def test_the_service_names_variables_and_options_that_there_are() -> None:
