@@ -62,8 +62,11 @@ cd /  # not the checkout: Python looks for modules where it stands
 runuser -u slz -- env NUMBA_CACHE_DIR=/var/cache/slz /opt/slz/.venv/bin/python -c \
     'from companion.runtime.kernel_compilation import everything; everything()'
 
-sysctl --quiet --load /etc/sysctl.d/60-slz.conf
-udevadm control --reload && udevadm trigger --subsystem-match=tty
+# Refused in a container, and on a computer whose kernel is another one's: no reason to stop here.
+sysctl --quiet --load /etc/sysctl.d/60-slz.conf \
+    || echo "install.sh: net.core.rmem_max could not be set: set it to 8388608 where the kernel is yours" >&2
+{ udevadm control --reload && udevadm trigger --subsystem-match=tty; } \
+    || echo "install.sh: no udev here: autopilots on USB get no names" >&2
 systemctl daemon-reload
 systemctl enable --quiet slz.service
 if systemctl is-active --quiet slz.service; then
