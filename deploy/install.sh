@@ -55,6 +55,7 @@ if ! /opt/slz/.venv/bin/python -c "$enough" 2> /dev/null; then
     rm -rf /opt/slz/.venv
     "$python" -m venv /opt/slz/.venv
 fi
+rm -rf /opt/slz/build /opt/slz/slz.egg-info  # of the last version: a module deleted since would be installed again
 /opt/slz/.venv/bin/python -m pip install --quiet --constraint /opt/slz/constraints.txt "/opt/slz[${EXTRAS:-page,record}]"
 # The kernels are compiled now, by the service's own user, so that the first flight does not wait for them.
 install -d -o slz -g slz -m 0700 /var/cache/slz /var/lib/slz
