@@ -67,6 +67,7 @@ HEARD = (
     "DISTANCE_SENSOR",
     "OBSTACLE_DISTANCE",
     "STATUSTEXT",
+    "FILE_TRANSFER_PROTOCOL",
 )
 
 
@@ -93,6 +94,7 @@ class FuzzedLink:
         for message in self.link._codec.decode(data):
             self.link._on_message(message, self.now_ns)
         self.services.parameters.poll(self.now_ns)
+        self.services.files.poll(self.now_ns)
         pose = self.history.latest(self.now_ns)
         if pose is not None and not np.isfinite([*pose.position_enu_m, *pose.velocity_enu_ms]).all():
             raise AssertionError(f"a pose is no number: {pose}")
