@@ -34,6 +34,7 @@ from companion.flight.mapping.point_watch import PointWatch
 from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.flight.mapping.survey_prior import SurveyPrior
 from companion.flight.mode_requests import ModeRequests
+from companion.flight.outputs.map_circle import landing_circle
 from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.recorder.recordings import Recordings
 from companion.flight.report_feed import ReportFeed
@@ -180,6 +181,7 @@ class Companion:
             self.link, self.history, self.obstacles, parameters,
             lambda: landing_status(self, self.situations.report_now()), ranges=ranges,
             odometry=lambda: None if self.odometry is None else self.odometry.estimate,
+            circle=lambda: landing_circle(self.situation(), parameters),
         )  # fmt: skip
         self.feed.on_new_map.subscribe(self.streams.forget)
         self.modes = ModeRequests(self.link, self.executive)

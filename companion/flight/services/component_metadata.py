@@ -9,9 +9,8 @@ from __future__ import annotations
 import json
 import lzma
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
-
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.link.command_server import CommandReply, OperatorCommand
 from companion.flight.link.wire.component_metadata_message import (
@@ -94,7 +93,7 @@ class MetadataRequests:
             return CommandReply.unsupported()
         at_ms = now_ns() // 1_000_000 % 2**32
         message = MAVLink_component_metadata_message(at_ms, self._crc, self._uri)
-        return CommandReply(mavlink.MAV_RESULT_ACCEPTED, always=True, message=message)
+        return replace(CommandReply.accepted(), always=True, message=message)
 
 
 def _described(row: Row) -> dict[str, Any]:
