@@ -247,7 +247,7 @@ class Companion:
         }
         if self._aids_autopilot:
             parts["source"] = NavigationSource().run(
-                self.link, self._is_tracking, lambda: self.fitness.values
+                self.link, self._tells_place, lambda: self.fitness.values
             )
         if self.radar is not None:
             parts["radar"] = self.radar.run()
@@ -272,8 +272,8 @@ class Companion:
         if failed is not None:
             raise failed from None
 
-    def _is_tracking(self) -> bool:
-        return self.odometry is not None and self.odometry.is_tracking(now_ns())
+    def _tells_place(self) -> bool:
+        return self.odometry is not None and self.odometry.tells_place(now_ns())
 
     def stop(self) -> None:
         """End `run`, after telling whoever listens."""
