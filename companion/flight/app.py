@@ -32,7 +32,6 @@ from companion.flight.link.wire.signing import Signing
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mapping.point_watch import PointWatch
 from companion.flight.mapping.recent_obstacles import RecentObstacles
-from companion.flight.mapping.survey_prior import SurveyPrior
 from companion.flight.mode_requests import ModeRequests
 from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.recorder.recordings import Recordings
@@ -59,6 +58,7 @@ from slz import Report, SpeckDetector, TerrainMaps
 if TYPE_CHECKING:
     from companion.flight.dashboard.page import Page, PageEndpoint
     from companion.flight.foxglove.live_view import LiveView
+    from companion.flight.mapping.survey_prior import SurveyPrior
     from companion.flight.ros2.ros_node import RosNode
 
 log = logging.getLogger(__name__)
@@ -135,7 +135,7 @@ class Companion:
                 self.situations, self.recordings.recorder, self.live, self.ros_node, self.streams, self.page,
             ),
         )  # fmt: skip
-        surveyed = None if prior is None else SurveyPrior(prior, parameters)
+        surveyed = None if prior is None else _surveyed(prior, parameters)
         self.worker = PipelineWorker(parameters, self._reports.on_report, surveyed)
         self.worker.on_invalid.subscribe(self._reports.on_invalid)
         self.feed = ScanFeed(
@@ -309,6 +309,12 @@ class Companion:
             self._execution.stop_vehicle()
         await asyncio.sleep(0.2)
         await self.link.close()
+
+
+def _surveyed(folder: Path, parameters: Parameters) -> SurveyPrior:
+    from companion.flight.mapping.survey_prior import SurveyPrior  # the libraries of maps, as for the page
+
+    return SurveyPrior(folder, parameters)
 
 
 def _page(companion: Companion, front: PageEndpoint) -> Page:

@@ -22,10 +22,10 @@ from companion.flight.sensors.decoders.ouster_imu import OusterImu
 from companion.flight.sensors.decoders.ouster_points import place_pixels
 from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.returns import RawReturns, nothing, thinning
+from companion.runtime import extras
 from companion.runtime.errors import UsageError
 
 READER = "LiDAR ouster: reads packets with ouster-sdk, which"
-INSTALL = f"{READER} is not installed: pip install 'slz[ouster]'"
 LEGACY = "LEGACY"
 LIDAR_TYPE = 1
 MOST_FPS = 20
@@ -71,7 +71,7 @@ class _Format:
         try:
             sdk = import_module("ouster.sdk.core")
         except ModuleNotFoundError:
-            raise UsageError(INSTALL) from None
+            raise UsageError(extras.explain("LiDAR ouster", "ouster-sdk", "ouster")) from None
         except ImportError as error:  # a missing system library that the package needs, such as OpenGL's
             library = str(error).partition(":")[0]
             hint = " (Debian: sudo apt install libgl1)" if library.startswith("libGL.") else ""
