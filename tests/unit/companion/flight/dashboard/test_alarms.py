@@ -15,6 +15,7 @@ QUIET: dict[str, Any] = {
     "mode": "GUIDED",
     "lidar_ok": True,
     "blind": "LiDAR lost",
+    "lidar_faults": [],
     "failsafe": False,
     "estimate_lost": "",
     "east_m": 0.0,
