@@ -77,7 +77,8 @@ class RecordedSensors:
     @property
     def diagnosis(self) -> LidarDiagnosis | None:
         """What was wrong with the LiDAR's stream and clock; None for a sensor that is not diagnosed."""
-        return self._stream.diagnosis if isinstance(self._stream, PacketStream) else None
+        stream = self._stream
+        return stream.diagnosis if isinstance(stream, PacketStream) and stream.is_diagnosed else None
 
     @property
     def vehicle(self) -> VehicleState:

@@ -26,6 +26,7 @@ PAUSE_NS = 300_000_000
 REMEMBERED = 64  # number of packets searched for a duplicate
 REMEMBERED_IMU = 16
 IMU_LATE_NS, IMU_EARLY_NS = 500_000_000, 50_000_000  # of an inertial sample against its arrival
+UNDIAGNOSED = frozenset({"ros2"})
 MOST_UNANSWERED = 100  # batches without any return whose lost rays wait for the next one
 
 OnReturns = Callable[[Returns], None]
@@ -151,6 +152,11 @@ class PacketStream:
     def metadata(self) -> str:
         """Metadata that decoding needs besides the packets."""
         return self._decoder.metadata
+
+    @property
+    def is_diagnosed(self) -> bool:
+        """Whether `diagnosis` holds: a ROS cloud's arrival and stamp depend on the driver that made it."""
+        return self.kind not in UNDIAGNOSED
 
     def __len__(self) -> int:
         """Return the number of packets waiting to be decoded."""
