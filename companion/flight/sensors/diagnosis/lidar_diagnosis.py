@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from companion.flight.sensors.diagnosis import explanation as explain
 from companion.flight.sensors.diagnosis import picture_faults
+from companion.flight.sensors.diagnosis.close_returns import CloseReturns
 from companion.flight.sensors.diagnosis.explanation import Explanation
 from companion.flight.sensors.diagnosis.packet_signs import PacketSigns
 from companion.flight.sensors.diagnosis.return_picture import SECTORS, Picture
@@ -131,6 +132,7 @@ class LidarDiagnosis:
         self._statistics = statistics
         self._picture = Picture(0.0 if signs is None else signs.near_m)
         self._usual: NDArray[np.float64] = np.zeros(SECTORS)
+        self._close = CloseReturns()
         self._looks: deque[StreamLook] = deque(maxlen=SPAN + 1)
         self._begun_ns: int | None = None
         self._looked_ns: int | None = None
@@ -232,6 +234,7 @@ class LidarDiagnosis:
             azimuth_packets=np.array(signs.azimuth_packets, np.int64),
             seen=picture.seen.copy(),
             near=picture.near.copy(),
+            close=picture.close.copy(),
             lines=picture.lines.copy(),
         )
 
@@ -295,10 +298,11 @@ class LidarDiagnosis:
         flows = all(later.packets > earlier.packets for earlier, later in pairwise(self._looks))
         if flows and look.covered_ns < LOW_RATE * span_ns and look.lost_share < (1 - LOW_RATE) / 2:
             shown["low_rate"] = explain.low_rate(look.covered_ns / span_ns)
+        self._close.add(look)
         found = (
             ("missing_sector", picture_faults.missing_sector(look, self._signs)),
-            ("dirty", picture_faults.dirty_window(look)),
-            ("covered", picture_faults.covered_sector(look, self._usual)),
+            ("dirty", picture_faults.dirty_window(look, self._close)),
+            ("covered", picture_faults.covered_sector(look, self._usual, self._close)),
             ("dead_lines", picture_faults.dead_lines(look, self._looks[-1].lines, self._signs)),
         )
         shown |= {cause: why for cause, why in found if why is not None}

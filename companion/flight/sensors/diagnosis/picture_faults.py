@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from companion.flight.sensors.diagnosis import explanation as explain
 from companion.flight.sensors.diagnosis.azimuth_runs import longest_run
+from companion.flight.sensors.diagnosis.close_returns import CloseReturns
 from companion.flight.sensors.diagnosis.explanation import Explanation
 from companion.flight.sensors.diagnosis.packet_signs import PacketSigns
 from companion.flight.sensors.diagnosis.return_picture import LINES, SECTOR_DEG, SECTORS
@@ -36,22 +37,24 @@ def missing_sector(look: StreamLook, signs: PacketSigns) -> Explanation | None:
     return explain.missing_sector(from_deg % 360, (from_deg + run[1] * part_deg) % 360)
 
 
-def dirty_window(look: StreamLook) -> Explanation | None:
-    """Return where returns of the window itself are frequent."""
+def dirty_window(look: StreamLook, close: CloseReturns) -> Explanation | None:
+    """Return where returns of the window itself are frequent; None where the ground is as near."""
     marked = (look.near >= LEAST_NEAR) & (look.near > NEAR_SHARE * look.seen)
     run = longest_run(marked)
-    if run is None or run[1] < NEAR_SECTORS:
+    if run is None or run[1] < NEAR_SECTORS or close.is_ground(look, _about(run)):
         return None
     return explain.dirty(*_degrees(run))
 
 
-def covered_sector(look: StreamLook, usual: Floats) -> Explanation | None:
+def covered_sector(look: StreamLook, usual: Floats, close: CloseReturns) -> Explanation | None:
     """Return where returns have ended while those at both sides go on.
 
     usual: (36,) returns of the same time before.
     """
     run = longest_run((look.seen <= BLIND_SHARE * usual) & (usual >= BLIND_BEFORE))
     if run is None or not BLIND_SECTORS[0] <= run[1] <= BLIND_SECTORS[1]:
+        return None
+    if close.is_ground(look, _about(run)):  # which may be below the sensor's least range
         return None
     first, length = run
     beside = np.array([*range(first - BESIDE, first), *range(first + length, first + length + BESIDE)])
@@ -79,6 +82,11 @@ def dead_lines(look: StreamLook, ever: Counts, signs: PacketSigns) -> Explanatio
         beside = np.concatenate([lit[np.searchsorted(lit, rows) - 1], lit[np.searchsorted(lit, rows)]])
         good = 0 < len(rows) <= LINES_DEAD * known and (look.lines[beside] >= LINE_BESIDE).all()
     return explain.missing_rows(np.flatnonzero(dead).tolist()) if good and known <= LINES else None
+
+
+def _about(run: tuple[int, int]) -> NDArray[np.intp]:
+    """Return the sectors of a run and those beside it."""
+    return np.unique(np.arange(run[0] - BESIDE, run[0] + run[1] + BESIDE) % SECTORS)
 
 
 def _degrees(run: tuple[int, int]) -> tuple[float, float]:

@@ -11,6 +11,7 @@ SECTORS = 36
 SECTOR_DEG = 360 / SECTORS
 LINES = 256
 STRIDE = 7  # odd, so that all lines are sampled
+BAND = 3.0  # times the reach of the window's returns: nearer than that, but beyond, is the vehicle or ground
 MOST = 16_384  # sampled returns between two looks; more are not counted
 
 Counts = NDArray[np.int64]
@@ -26,8 +27,9 @@ class Picture:
 
     Attributes
     ----------
-    seen, near
-        (36,) sampled returns by azimuth of 10 degrees, counter-clockwise from the sensor's x axis.
+    seen, near, close
+        (36,) sampled returns by azimuth of 10 degrees, counter-clockwise from the sensor's x axis: all,
+        those nearer than `near_m`, and those beyond it but nearer than three times as far.
     lines
         (256,) sampled returns by laser line.
     """
@@ -39,6 +41,7 @@ class Picture:
         self._count = self._phase = 0
         self.seen: Counts = np.zeros(SECTORS, np.int64)
         self.near: Counts = np.zeros(SECTORS, np.int64)
+        self.close: Counts = np.zeros(SECTORS, np.int64)
         self.lines: Counts = np.zeros(LINES, np.int64)
 
     def add(self, raw: RawReturns) -> None:
@@ -59,7 +62,10 @@ class Picture:
         azimuth = np.arctan2(y, x)
         sector = (azimuth * np.float32(SECTORS / (2 * np.pi))).astype(np.float32)
         at = np.floor(sector).astype(np.int64) % SECTORS
-        near = x * x + y * y + z * z < self._near_m2
+        range_m2 = x * x + y * y + z * z
+        near = range_m2 < self._near_m2
+        close = ~near & (range_m2 < BAND * BAND * self._near_m2)
         self.seen += np.bincount(at, minlength=SECTORS)
         self.near += np.bincount(at[near], minlength=SECTORS)
+        self.close += np.bincount(at[close], minlength=SECTORS)
         self.lines += np.bincount(self._ring[:n], minlength=LINES)

@@ -26,7 +26,7 @@ class StreamLook:
         Packets of this maker that the decoder cannot use.
     dropped
         Packets that the kernel dropped.
-    azimuth_packets, seen, near, lines
+    azimuth_packets, seen, near, close, lines
         See `PacketSigns` and `Picture`.
     """
 
@@ -44,6 +44,7 @@ class StreamLook:
     azimuth_packets: Counts
     seen: Counts
     near: Counts
+    close: Counts
     lines: Counts
 
     def since(self, earlier: StreamLook) -> StreamLook:

@@ -184,7 +184,7 @@ def each(name: str, cause: str, treat: Callable[[], Treat], *sensors: str) -> li
 
 
 ALL = ("mid360", "vlp16", "os1")
-STEPS = (0.1, 0.6, 5.0, -0.1, -0.6, -5.0)
+STEPS = (0.1, 5.0, -0.6)
 CASES: tuple[Case, ...] = (
     *each("silent", "silent", lambda: nothing),
     *each("loss 4 %", "missing_packets", lambda: stream_faults.Loss(rng(), 0.04)),
@@ -200,8 +200,8 @@ CASES: tuple[Case, ...] = (
         for step_s in STEPS
         for case in each(f"step {step_s:g} s", "step", partial(stream_faults.ShiftedClock, step_s))
     ),
-    *each("fast clock", "drift", lambda: stream_faults.ShiftedClock(0.0, 1000.0)),
-    *each("slow clock", "drift", lambda: stream_faults.ShiftedClock(0.0, -1000.0)),
+    *each("fast clock", "drift", lambda: stream_faults.ShiftedClock(0.0, 1500.0)),
+    *each("slow clock", "drift", lambda: stream_faults.ShiftedClock(0.0, -1500.0)),
     *(Case(sensor, "pause", "pauses", feed=pause(1.2)) for sensor in ALL),
     Case("mid360", "pause, uncounted", "pauses", feed=pause(1.2, renumber=True)),
     Case("mid360", "full buffer", "full_buffer", lambda: stream_faults.Loss(rng(), 0.1), dropping),
