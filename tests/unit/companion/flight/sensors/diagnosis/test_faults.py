@@ -30,7 +30,7 @@ def test_the_cause_is_named_within_three_seconds_and_no_other(case: Case) -> Non
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_a_healthy_stream_raises_no_alarm(sensor: str) -> None:
     bench = Bench(loop_of(sensor))
-    bench.feed(bench.arrivals(0, bench.number_at(40.0)))
+    bench.feed(bench.arrivals(0, bench.number_at(12.0)))
     assert bench.told == []
 
 
