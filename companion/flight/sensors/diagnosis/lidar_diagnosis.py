@@ -102,8 +102,8 @@ class Episode:
 class LidarDiagnosis:
     """Judge of one stream.
 
-    A cause is told when it shows in enough looks, once, and is over when no sign of it has come for five
-    seconds. Time is that of the arrivals, so that a replay tells what the flight told.
+    A cause counts when it shows in enough looks, once, and is over when no sign of it has come for five
+    seconds. Time is that of the arrivals, so that a replay names what the flight named.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ class LidarDiagnosis:
         """All causes so far, those that are over first."""
         return [*self._past, *self._active.values()]
 
-    def begin(self, now_ns: int) -> None:
+    def note_start(self, now_ns: int) -> None:
         """Note that packets may come from now on."""
         if self._begun_ns is None:
             self._begun_ns = now_ns
@@ -181,7 +181,7 @@ class LidarDiagnosis:
 
     def check(self, now_ns: int) -> None:
         """Look, if a quarter of a second has passed since the last look."""
-        self.begin(now_ns)
+        self.note_start(now_ns)
         if self._looked_ns is not None and 0 <= now_ns - self._looked_ns < LOOK_NS:
             return
         self._looked_ns = now_ns
