@@ -16,7 +16,7 @@ from companion.flight.fusion.odometry.map_uncertainty import SHARED_M, MapUncert
 from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
 from companion.flight.fusion.odometry.registration_kernel import normal_equations
 from companion.flight.fusion.odometry.step_map import StepMap
-from companion.flight.fusion.odometry.surfel_map import SIZES_M, SurfelMap
+from companion.flight.fusion.odometry.surfel_map import HOLD_NS, SIZES_M, SurfelMap
 from companion.flight.fusion.pose_history import PoseHistory
 from slz import Scan
 
@@ -25,7 +25,6 @@ PERIOD_NS = 95_000_000  # of an update: 10 Hz of scans of 50 ms
 GAP_NS = 2_000_000_000  # without scans, after which the map begins anew
 MOST_POINTS = 24_000  # of an update, spread evenly over the scans
 FEWEST_POINTS = 300
-OLD_NS = 5_000_000_000
 SIGMAS_M, GATE_M = (0.15, 0.07, 0.05, 0.05), 0.4  # of the rounds
 # Points of a scan share errors, of pose and plane: so many count as one independent point.
 SHARED = 10.0
@@ -215,7 +214,7 @@ class LidarOdometry:
                 surfels.first_ns,
                 surfels.counts,
                 surfels.planes,
-                OLD_NS,
+                HOLD_NS,
                 sigma_m,
                 GATE_M,
                 placed,
