@@ -200,8 +200,11 @@ CASES: tuple[Case, ...] = (
         for step_s in STEPS
         for case in each(f"step {step_s:g} s", "step", partial(stream_faults.ShiftedClock, step_s))
     ),
-    *each("fast clock", "drift", lambda: stream_faults.ShiftedClock(0.0, 1500.0)),
-    *each("slow clock", "drift", lambda: stream_faults.ShiftedClock(0.0, -1500.0)),
+    *each("fast clock", "drift", lambda: stream_faults.ShiftedClock(0.0, 1500.0), "mid360", "vlp16"),
+    *each("slow clock", "drift", lambda: stream_faults.ShiftedClock(0.0, -1500.0), "mid360", "vlp16"),
+    # Its packets here are 6 ms apart: a drift is told once it makes up one of them.
+    *each("fast clock", "drift", lambda: stream_faults.ShiftedClock(0.0, 4000.0), "os1"),
+    *each("slow clock", "drift", lambda: stream_faults.ShiftedClock(0.0, -4000.0), "os1"),
     *(Case(sensor, "pause", "pauses", feed=pause(1.2)) for sensor in ALL),
     Case("mid360", "pause, uncounted", "pauses", feed=pause(1.2, renumber=True)),
     Case("mid360", "full buffer", "full_buffer", lambda: stream_faults.Loss(rng(), 0.1), dropping),
