@@ -33,6 +33,7 @@ from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mapping.point_watch import PointWatch
 from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.flight.mode_requests import ModeRequests
+from companion.flight.outputs.lidar_announcer import LidarAnnouncer
 from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.recorder.recordings import Recordings
 from companion.flight.report_feed import ReportFeed
@@ -293,6 +294,9 @@ class Companion:
             group.create_task(self.worker.run(), name="pipeline")
             group.create_task(self.decisions.run(self._stop), name="executive")
             group.create_task(self.streams.run(), name="streams")
+            group.create_task(
+                LidarAnnouncer(self.lidar.diagnosis, self.link.statustext).run(), name="lidar announcer"
+            )
 
     async def _wait_for_stop(self) -> None:
         await self._stop.wait()
