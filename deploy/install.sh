@@ -3,6 +3,7 @@
 # again: it brings everything up to date and keeps /etc/slz.
 #
 #   sudo deploy/install.sh                 everything
+#   sudo EXTRAS=page,record,ros deploy/install.sh   with other extras (docs/install.md); page and record by default
 #   deploy/install.sh --root DIR           files only, below DIR (to build an image, or to look at them)
 set -euo pipefail
 
@@ -54,7 +55,8 @@ if ! /opt/slz/.venv/bin/python -c "$enough" 2> /dev/null; then
     rm -rf /opt/slz/.venv
     "$python" -m venv /opt/slz/.venv
 fi
-/opt/slz/.venv/bin/python -m pip install --quiet --constraint /opt/slz/constraints.txt /opt/slz
+rm -rf /opt/slz/build /opt/slz/slz.egg-info  # of the last version: a module deleted since would be installed again
+/opt/slz/.venv/bin/python -m pip install --quiet --constraint /opt/slz/constraints.txt "/opt/slz[${EXTRAS:-page,record}]"
 # The kernels are compiled now, by the service's own user, so that the first flight does not wait for them.
 install -d -o slz -g slz -m 0700 /var/cache/slz /var/lib/slz
 cd /  # not the checkout: Python looks for modules where it stands

@@ -6,6 +6,7 @@ import configparser
 import re
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -58,3 +59,20 @@ def test_systemd_understands_the_unit() -> None:
     done = subprocess.run(["systemd-analyze", "verify", str(unit)], capture_output=True, text=True)
     complaints = [line for line in done.stderr.splitlines() if "slz.service" in line]
     assert [line for line in complaints if "is not executable" not in line] == []
+
+
+def test_slimming_deletes_tests_and_dialects_that_no_flight_loads(tmp_path: Path) -> None:
+    packages = tmp_path / "lib" / "python3.11" / "site-packages"
+    kept = ["pymavlink/dialects/v20/ardupilotmega.py", "numpy/_core/tests/_natype.py", "scipy/tests.py"]
+    gone = ["pymavlink/dialects/v20/storm32.py", "pymavlink/dialects/v10/all.py", "scipy/a/tests/test_b.py"]
+    gone += ["pymavlink/dialects/v09/all.py", "numpy/tests/test_a.py"]
+    for name in kept + gone:
+        (packages / name).parent.mkdir(parents=True, exist_ok=True)
+        (packages / name).write_text("x")
+    for _ in range(2):
+        subprocess.run([sys.executable, str(DEPLOY / "slim.py"), str(tmp_path)], check=True)
+        assert sorted(p.relative_to(packages).as_posix() for p in packages.rglob("*.py")) == sorted(kept)
+    done = subprocess.run(
+        [sys.executable, str(DEPLOY / "slim.py"), str(packages)], capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (2, "slim.py: name one virtual environment\n")
