@@ -38,6 +38,7 @@ FOREIGN = {
     "journalctl": "needs the installed service",
     "nmcli": "changes the network of the computer",
     "curl": "needs an Ouster",
+    "source": "of the shell: a virtual environment, as tests/unit/test_package.py makes one",
     "sim_vehicle.py": "ArduPilot's: tests/e2e/test_quickstart.py flies it with --arducopter",
 }
 FOREIGN_TARGETS = {"px4_sitl": "PX4's: tests/e2e/test_quickstart.py flies it with --px4"}
@@ -66,7 +67,13 @@ RUN_BY = {
 }
 # Our own modules and targets that take minutes to days; their arguments are read, and nothing is run.
 LONG = "tests.bench", "tests.campaign", "tests.fuzz", "tests.soak", "tests.answers", "tests.mutation"
-UNREAD = {"tests.fuzz.with_atheris": "needs atheris, which only x86-64 has"}
+UNREAD = {
+    "tests.fuzz.with_atheris": "needs atheris, which only x86-64 has",
+    "venv": "Python's: tests/unit/test_package.py makes such an environment",
+    "build": "PyPI's: tests/unit/test_package.py builds wheel and sdist by the same backend",
+}
+# Options of slz itself, without a command: tests/unit/test_package.py runs the first, and one of completion.
+ALONE = "--version", "--install-completion", "--show-completion"
 # What stands for something else on the pages.
 PLACEHOLDERS = {
     "NAME=VALUE": "zone_m=300",
@@ -189,6 +196,11 @@ def test_every_block_is_of_commands_or_a_picture() -> None:
     assert {program for program in FOREIGN if not of_program(program)} == set()
 
 
+def test_options_of_slz_itself_are_some() -> None:
+    named = {option for param in typer.main.get_command(program.app).params for option in param.opts}
+    assert set(ALONE) <= named
+
+
 def test_the_pages_have_not_lost_their_commands() -> None:
     assert len(COMMANDS) > 90
     assert len(FRAGMENTS) > 150
@@ -197,6 +209,8 @@ def test_the_pages_have_not_lost_their_commands() -> None:
 @pytest.mark.parametrize("command", of_program("slz"), ids=str)
 def test_a_command_of_slz_is_read_by_its_parser(command: ShellCommand, desk: Path) -> None:
     words = filled(command.words)
+    if words[0] in ALONE:
+        return
     if words[0] == "run":  # what a page leaves out
         words += [w for name, url in OF_OPTIONS.items() if name not in words for w in (name, url)]
     read_by_slz(words)
@@ -210,7 +224,7 @@ def test_a_command_of_slz_is_read_by_its_parser(command: ShellCommand, desk: Pat
 @pytest.mark.parametrize("command", [c for c in FRAGMENTS if c.program == "slz"], ids=str)
 def test_a_command_of_slz_in_a_text_is_one_with_the_options_named(command: ShellCommand) -> None:
     name, *words = command.words
-    if name == "COMMAND":
+    if name == "COMMAND" or name in ALONE:
         return
     assert name in RUN_BY
     options = [word for word in words if word.startswith("--") and word != "--help"]
@@ -265,7 +279,9 @@ def test_a_module_reads_the_arguments_of_the_page(command: ShellCommand, desk: P
 
 
 @pytest.mark.parametrize(
-    "command", [f for f in FRAGMENTS if f.module and f.module not in ("pytest", "http.server")], ids=str
+    "command",
+    [f for f in FRAGMENTS if f.module and f.module not in ("pytest", "http.server", *UNREAD)],
+    ids=str,
 )
 def test_a_module_named_in_a_text_exists(command: ShellCommand) -> None:
     assert importlib.util.find_spec(command.module) is not None
