@@ -33,6 +33,8 @@ from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mapping.point_watch import PointWatch
 from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.flight.mode_requests import ModeRequests
+from companion.flight.outputs.lidar_announcer import LidarAnnouncer
+from companion.flight.outputs.map_circle import landing_circle
 from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.recorder.recordings import Recordings
 from companion.flight.report_feed import ReportFeed
@@ -180,6 +182,7 @@ class Companion:
             self.link, self.history, self.obstacles, parameters,
             lambda: landing_status(self, self.situations.report_now()), ranges=ranges,
             odometry=lambda: None if self.odometry is None else self.odometry.estimate,
+            circle=lambda: landing_circle(self.situation(), parameters),
         )  # fmt: skip
         self.feed.on_new_map.subscribe(self.streams.forget)
         self.modes = ModeRequests(self.link, self.executive)
@@ -247,7 +250,7 @@ class Companion:
         }
         if self._aids_autopilot:
             parts["source"] = NavigationSource().run(
-                self.link, self._is_tracking, lambda: self.fitness.values
+                self.link, self._tells_place, lambda: self.fitness.values
             )
         if self.radar is not None:
             parts["radar"] = self.radar.run()
@@ -272,8 +275,8 @@ class Companion:
         if failed is not None:
             raise failed from None
 
-    def _is_tracking(self) -> bool:
-        return self.odometry is not None and self.odometry.is_tracking(now_ns())
+    def _tells_place(self) -> bool:
+        return self.odometry is not None and self.odometry.tells_place(now_ns())
 
     def stop(self) -> None:
         """End `run`, after telling whoever listens."""
@@ -293,6 +296,9 @@ class Companion:
             group.create_task(self.worker.run(), name="pipeline")
             group.create_task(self.decisions.run(self._stop), name="executive")
             group.create_task(self.streams.run(), name="streams")
+            group.create_task(
+                LidarAnnouncer(self.lidar.diagnosis, self.link.statustext).run(), name="lidar announcer"
+            )
 
     async def _wait_for_stop(self) -> None:
         await self._stop.wait()
