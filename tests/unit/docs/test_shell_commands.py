@@ -36,6 +36,7 @@ FOREIGN = {
     "install.sh": "changes the system, as root",
     "systemctl": "needs the installed service",
     "journalctl": "needs the installed service",
+    "slz-doctor": "needs the installed service: tests/unit/companion/test_deploy.py runs what it is",
     "nmcli": "changes the network of the computer",
     "curl": "needs an Ouster",
     "source": "of the shell: a virtual environment, as tests/unit/test_package.py makes one",
