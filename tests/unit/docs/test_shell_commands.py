@@ -34,6 +34,8 @@ GROUP: Any = typer.main.get_command(program.app)
 FOREIGN = {
     "apt": "changes the system: tests/fresh.sh does it in new Debian systems",
     "install.sh": "changes the system, as root",
+    "image.sh": "builds a whole image, as root",
+    "podman": "needs such an image",
     "systemctl": "needs the installed service",
     "journalctl": "needs the installed service",
     "slz-doctor": "needs the installed service: tests/unit/companion/test_deploy.py runs what it is",
