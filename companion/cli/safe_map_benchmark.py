@@ -11,6 +11,7 @@ from rich.table import Table
 
 from companion.cli.console import progress, set_up_logging, stdout_console
 from companion.cli.options import Json, Verbose
+from companion.runtime import extras
 from companion.runtime.errors import UsageError
 
 
@@ -45,6 +46,7 @@ def benchmark(
     verbose: Verbose = False,
 ) -> None:
     """Judge landing methods, or one map of any program, by how often unsafe ground is called safe."""
+    extras.require("survey", "slz benchmark")
     from companion.desk.open_benchmark import benchmark_run
     from companion.desk.open_benchmark.exchange_folder import CLOUD_FORMATS
     from companion.desk.open_benchmark.frozen_scenes import DENSITIES

@@ -3,6 +3,7 @@
 python -m tests.bench.landings --flights 200 --jobs 2 --out landings.json
 python -m tests.bench.landings --flights 100 --kind wind --coarse
 python -m tests.bench.landings --flights 200 --kind hazard --coarse
+python -m tests.bench.landings --flights 100 --kind gps_cut
 """
 
 from __future__ import annotations
@@ -22,17 +23,23 @@ import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.landing.situation import Phase
-from sitl import scenes
+from sitl import faults, scenes
 from sitl.autopilot.modes import Mode
 from sitl.intruders import Crosser, read
 from tests.bench.crossers import CrossingWitness
+from tests.bench.place_witness import PlaceWitness
 from tests.e2e.harness import Mission
 
+KINDS = ("mixed", "calm", "wind", "hazard", "jib", "crossing", "drift", "undrifted", "gps_cut")
 HAZARD_BELOW_M = (5.0, 14.0)
 ANY_HEIGHT_M = (2.5, 20.0)
 CROSSERS = ("walker", "runner", "dog", "cyclist", "passing_car")
 JIB_BEFORE_M = 3.0
 WIND_MS = 10.0
+CUT_BELOW_M, CUT_FROM_M = 25.0, 30.0
+AIDED = {"VISO_TYPE": 1.0, "VISO_DELAY_MS": 200.0, "EK3_SRC2_POSXY": 6.0, "EK3_SRC2_VELXY": 6.0}
+STRUCTURED = ("stadium", "streets", "buildings", "flat_roofs", "landing_site", "borrow_pit", "car_park")
+FEATURELESS = ("plain", "snowfield")
 SCENES = tuple(name for name in scenes.NAMES if name != "dust_out")  # whose dust blinds a LiDAR alone
 FINE = {"tick_ns": 2_500_000, "lidar_ms": 20, "point_rate_hz": 50_000}
 REAL = {"tick_ns": 10_000_000, "lidar_ms": 50, "point_rate_hz": 200_000}  # of a Mid-360
@@ -53,6 +60,14 @@ class Plan:
     taken_over_in: Phase | None = None
     wind_ms: float = 3.0
     crossed: bool = False
+    real: bool = False
+    odometry: str = "off"
+    faults: str = "none"
+
+    @property
+    def is_real(self) -> bool:
+        """Whether the LiDAR has the rate of a real one."""
+        return self.crossed or self.real
 
 
 def plan(number: int, kind: str) -> Plan:
@@ -61,7 +76,9 @@ def plan(number: int, kind: str) -> Plan:
     Kinds: mixed has a car in every fourth and a pilot who takes over in every tenth flight; calm has neither
     them nor wind; wind blows up to `WIND_MS`; hazard has a car in every flight, which drives onto the point;
     jib has a crane's jib before it, which swings over the vehicle; crossing has something that passes the
-    point, seen at the rate of a real sensor.
+    point, seen at the rate of a real sensor. Over structured scenes, at that rate: drift lands by the map,
+    undrifted without the odometry, and gps_cut (each tenth over a featureless scene) with GPS denied below
+    25 m and the odometry sent to the autopilot.
     """
     rng = np.random.default_rng(number)
     phases = (Phase.SURVEY, Phase.APPROACH, Phase.DESCEND, Phase.FINAL)
@@ -71,6 +88,14 @@ def plan(number: int, kind: str) -> Plan:
         return Plan(number, scene, wind_ms=0.0)
     if kind == "wind":
         return Plan(number, scene, wind_ms=float(rng.uniform(0.0, WIND_MS)))
+    if kind in ("drift", "undrifted"):
+        over = STRUCTURED[number % len(STRUCTURED)]
+        return Plan(number, over, real=True, odometry="map" if kind == "drift" else "off")
+    if kind == "gps_cut":
+        over = FEATURELESS if number % 10 == 9 else STRUCTURED
+        cut = f"gps_denied@{CUT_BELOW_M:g}"
+        scene = over[number % len(over)]
+        return Plan(number, scene, real=True, odometry="autopilot", faults=cut)
     car = f"car@{below_m:.2f}"
     below_m = float(rng.uniform(*ANY_HEIGHT_M))
     if kind == "hazard":
@@ -103,16 +128,22 @@ class Witness:
 def fly(flight: Plan, *, coarse: bool = False) -> dict[str, Any]:
     """Fly one landing and return what came of it."""
     started = time.perf_counter()
-    sensor = REAL if flight.crossed else COARSE if coarse else FINE
+    sensor = REAL if flight.is_real else COARSE if coarse else FINE
     height_m, survey_s = (20.0, 8.0) if flight.crossed else (25.0, 15.0)
+    simulated: dict[str, Any] = {"wind_ms": flight.wind_ms}
+    if flight.odometry == "autopilot":
+        height_m, simulated["parameters"] = CUT_FROM_M, AIDED
     mission = Mission(
         flight.scene,
         seed=flight.number,
         height_m=height_m,
         survey_s=survey_s,
-        simulated=sensor | {"wind_ms": flight.wind_ms},
+        simulated=sensor | simulated,
         max_wind_ms=20.0,
+        odometry=flight.odometry,
     )
+    mission.sim.every_tick.extend(faults.read(flight.faults, flight.number))
+    place = PlaceWitness(mission)
     witness = Witness(mission)
     intruders = read(flight.hazards, flight.number)
     crossings = [CrossingWitness(mission, one) for one in intruders if isinstance(one, Crosser)]
@@ -126,8 +157,9 @@ def fly(flight: Plan, *, coarse: bool = False) -> dict[str, Any]:
             await m.until_phase(Phase.IDLE, 3)
             await asyncio.sleep(5)
             m.sim.pilot.set_mode(Mode.GUIDED)
-        await m.until_phase(Phase.LANDED, 600)
-        await m.until(lambda: not m.sim.autopilot.armed, 10)
+        await m.until(lambda: m.phase is Phase.LANDED or place.is_called, 600)
+        if not place.is_called:
+            await m.until(lambda: not m.sim.autopilot.armed, 10)
 
     error = ""
     try:
@@ -142,6 +174,7 @@ def fly(flight: Plan, *, coarse: bool = False) -> dict[str, Any]:
         "landed": landed and not error,
         "safe": landed and mission.touchdown_safe(),
         "error_m": mission.touchdown_error_m() if landed else None,
+        **place.figures(),
         "estimated_error_m": _estimated_error_m(mission) if landed else None,
         "aborts": tally.abort_reasons,
         "hazard_arrived": any(i.arrived for i in intruders),
@@ -195,6 +228,9 @@ def summary(flights: list[dict[str, Any]]) -> dict[str, Any]:
         "off_wind_deg": _quantiles([f["off_wind_deg"] for f in flights if f["landed"] and f["wind_ms"] > 2]),
         "error_m": _quantiles([f["error_m"] for f in flights if f["landed"]]),
         "estimated_error_m": _quantiles([f["estimated_error_m"] for f in flights if f["landed"]]),
+        "world_error_m": _quantiles([f["world_error_m"] for f in flights if f["landed"]]),
+        "went_on_without_gps": sum(f["went_on"] for f in flights),
+        "called_without_gps": sum(f["told_s"] is not None for f in flights),
         "late": sum(f["crossing"]["late"] for f in flights if f["crossing"]),
         "needless_aborts": sum(f["crossing"]["needless"] for f in flights if f["crossing"]),
         "hazards": len(hazards),
@@ -208,9 +244,7 @@ def main() -> None:
     """Fly them all and print the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--flights", type=int, default=200)
-    parser.add_argument(
-        "--kind", choices=("mixed", "calm", "wind", "hazard", "jib", "crossing"), default="mixed"
-    )
+    parser.add_argument("--kind", choices=KINDS, default="mixed")
     parser.add_argument("--coarse", action="store_true", help="half of the ticks and of the points")
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2)

@@ -27,7 +27,7 @@ def test_frames_that_begin_before_the_hand_over_change_neither_the_landing_nor_i
             frames.append(mission.companion.history.frame)
         await mission.until_phase(Phase.LANDED)
 
-    mission = Mission(record=tmp_path / "flight.mcap").fly(flight)
+    mission = Mission(record=tmp_path / "flight.mcap", height_m=13.0, survey_s=5.0).fly(flight)
     assert sum("far from the map's origin" in text for text in mission.heard) >= 2
     assert len(set(frames)) == 1  # that of the hand-over
     assert mission.touchdown_safe()
@@ -35,3 +35,5 @@ def test_frames_that_begin_before_the_hand_over_change_neither_the_landing_nor_i
     again = replay_run.run(tmp_path / "flight.mcap", [], None, 0.0, (0.0, 1e9))
     assert again["windows"] == again["identical"] > 10
     assert (again["different"], again["without_scans"], again["unreadable_messages"]) == (0, 0, 0)
+    assert (again["lost_messages"], again["cut"]) == (0, "")
+    assert again["zones"] == mission.companion.summary["zones"]

@@ -19,6 +19,8 @@ from companion.desk.reproduce import (
 )
 from companion.desk.reproduce.inclined_planes import slope_errors
 from companion.desk.reproduce.near_far import CLIMBS
+from companion.desk.reproduce.odometry import odometry_section
+from companion.desk.reproduce.odometry.drifting_survey import SURVEYS as DRIFTING
 from companion.desk.reproduce.places import PLACES
 from companion.desk.reproduce.reproduction_page import Section
 from companion.desk.reproduce.scenarios import BY_SCENE, ENTRANCE, SCENARIOS
@@ -43,8 +45,8 @@ def run(out: Path, progress: Progress, only: str = "") -> dict[str, Any]:
     Parameters
     ----------
     only
-        Text that the names of cases, scenarios, surveys ("surface of lakes") and instruments (flash, radar)
-        must contain; empty for all.
+        Text that the names of cases, scenarios, surveys ("surface of lakes", "odometry over stadium, severe
+        drift") and instruments (flash, radar) must contain; empty for all.
 
     Raises
     ------
@@ -52,7 +54,8 @@ def run(out: Path, progress: Progress, only: str = "") -> dict[str, Any]:
         The folder cannot be written, or no name contains the text.
     """
     cases = [case for case in CASES if only in case.name]
-    others = [*(survey.name for survey in SURFACES), *instrument_data.NAMES]
+    surveys = [*(survey.name for survey in SURFACES), *(survey.name for survey in DRIFTING)]
+    others = [*surveys, *instrument_data.NAMES]
     if not cases and not any(only in name for name in others):
         names = [*(case.name for case in CASES), *others]
         raise UsageError(f"--only {only!r}: there are {', '.join(names)}")
@@ -77,8 +80,9 @@ def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -
     places = [place for place in PLACES if only in place.name]
     climbs = [climb for climb in CLIMBS if only in climb.name]
     grounds = [survey for survey in SURFACES if only in survey.name]
+    drifting = [survey for survey in DRIFTING if only in survey.name]
     devices = [name for name in instrument_data.NAMES if only in name]
-    once = len(cases) + len(growing) + len(grounds) + len(devices)
+    once = len(cases) + len(growing) + len(grounds) + len(drifting) + len(devices)
     done, steps = 0, bool(cases) + once + 2 * (len(rooms) + len(places) + len(climbs))
 
     def step(name: str) -> None:
@@ -88,7 +92,8 @@ def _sections(out: Path, cases: Sequence[Case], only: str, progress: Progress) -
 
     def others() -> list[Section]:
         surfaces = [surface_section.section(grounds, out / "surface", surveys, step)] if grounds else []
-        return [*surfaces, *instrument_data.sections(devices, out, step)]
+        odometry = [odometry_section.section(drifting, out / "odometry", surveys, step)] if drifting else []
+        return [*surfaces, *odometry, *instrument_data.sections(devices, out, step)]
 
     if not cases:
         return others()

@@ -107,12 +107,12 @@ class SurveyRecording:
 
     def windows(self) -> Iterator[Window]:
         """Yield windows of one second, joined from scans as in flight, with the attributes recorded."""
-        scans = self._scans()
+        scans = self.scans()
         while window := list(itertools.islice(scans, WINDOW_CHUNKS)):
             if any(len(scan) for scan in window):
                 yield join(scan for scan in window if len(scan) or scan.attributes is not None)
 
-    def _scans(self) -> Iterator[Scan]:
+    def scans(self) -> Iterator[Scan]:
         """Yield every scan, those without a return too."""
         lost_counts = np.zeros_like(self.count) if self.surface is None else self.surface.lost_count
         for part, lost, sensor in zip(

@@ -12,10 +12,11 @@ from scipy.spatial.transform import Rotation
 from companion.flight.fusion.odometry.correction import Correction
 from companion.flight.fusion.odometry.correction_filter import CorrectionFilter
 from companion.flight.fusion.odometry.gyro_track import GyroTrack
+from companion.flight.fusion.odometry.map_uncertainty import SHARED_M, MapUncertainty
 from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
 from companion.flight.fusion.odometry.registration_kernel import normal_equations
 from companion.flight.fusion.odometry.step_map import StepMap
-from companion.flight.fusion.odometry.surfel_map import SIZES_M, SurfelMap
+from companion.flight.fusion.odometry.surfel_map import HOLD_NS, SIZES_M, SurfelMap
 from companion.flight.fusion.pose_history import PoseHistory
 from slz import Scan
 
@@ -24,7 +25,6 @@ PERIOD_NS = 95_000_000  # of an update: 10 Hz of scans of 50 ms
 GAP_NS = 2_000_000_000  # without scans, after which the map begins anew
 MOST_POINTS = 24_000  # of an update, spread evenly over the scans
 FEWEST_POINTS = 300
-OLD_NS = 5_000_000_000
 SIGMAS_M, GATE_M = (0.15, 0.07, 0.05, 0.05), 0.4  # of the rounds
 # Points of a scan share errors, of pose and plane: so many count as one independent point.
 SHARED = 10.0
@@ -37,7 +37,10 @@ LOST_NS = 1_000_000_000  # without an axis, until it no longer counts as observe
 UNSURE_M, UNSURE_RAD = 0.5, np.radians(2.0)  # of an axis that is not observed, beside the filter's covariance
 VELOCITY_MS = 0.03  # standard deviation of a velocity beside its drift
 FRESH_NS = 500_000_000
+# Since the place was told, for which an autopilot's dead reckoning holds a landing: 0.15 m off.
+BRIDGE_NS = 3_000_000_000
 DRIFT_NS, DRIFT_STEP_NS = 10_000_000_000, 500_000_000
+NEVER_NS = -(10**18)
 STUCK = 20  # updates refused in a row, after which the map begins anew
 
 
@@ -67,10 +70,11 @@ class LidarOdometry:
         self.gyro = gyro
         self._history = history
         self._map, self._steps, self._filter = SurfelMap(), StepMap(), CorrectionFilter()
+        self._unsure, self._map_variance_m2 = MapUncertainty(), np.zeros(3)
         self._waiting: list[Scan] = []
         self._last_ns: int | None = None
         self._epoch = history.epoch
-        self._seen_ns = np.zeros(6, np.int64)
+        self._seen_ns = np.full(6, NEVER_NS)
         self._refused_in_row = 0
         self._track: deque[tuple[int, Floats]] = deque()
         self.estimate: OdometryEstimate | None = None
@@ -94,10 +98,17 @@ class LidarOdometry:
             step = -(-len(points) // MOST_POINTS)
             self._update(np.ascontiguousarray(points[::step]), scan.sensor_enu_m, newest_ns)
 
-    def is_tracking(self, now_ns: int) -> bool:
+    def tells_place(self, now_ns: int) -> bool:
         """Tell whether scans and map tell position and tilt now."""
         estimate = self.estimate
         return estimate is not None and estimate.is_healthy and now_ns - estimate.stamp_ns < FRESH_NS
+
+    def is_tracking(self, now_ns: int) -> bool:
+        """Tell whether scans and map tell height and tilt now, and told the place within three seconds."""
+        estimate = self.estimate
+        if estimate is None or now_ns - estimate.stamp_ns >= FRESH_NS or not estimate.observed[2:5].all():
+            return False
+        return now_ns - int(self._seen_ns[3:5].min()) < BRIDGE_NS
 
     @property
     def gps_drift_m(self) -> float:
@@ -115,8 +126,10 @@ class LidarOdometry:
         """Begin the map anew; the correction stays."""
         self._map.clear()
         self._steps.clear()
+        self._unsure.clear()
+        self._map_variance_m2 = np.zeros(3)
         self._waiting, self._last_ns = [], None
-        self._seen_ns[:] = 0
+        self._seen_ns[:] = NEVER_NS
         self._track.clear()
         self._refused_in_row = 0
         self._filter = CorrectionFilter()
@@ -132,6 +145,7 @@ class LidarOdometry:
             placed = correction.points(points)
             self._map.add(placed, np.zeros(len(points), np.bool_), at_ns, sensor_enu_m)
             self._steps.add(placed, at_ns)
+            self._unsure.add(at_ns, np.zeros(3))
             return
         seconds = (at_ns - self._last_ns) * 1e-9
         correction = replace(correction, turn_rad=correction.turn_rad + self._heading_error(at_ns))
@@ -139,7 +153,7 @@ class LidarOdometry:
         predicted = self._filter.predict(
             np.concatenate([correction.turn_rad, correction.shift_enu_m, correction.rate_enu_ms]), seconds
         )
-        state, fits, known, placed = self._register(points, sensor_enu_m, at_ns, predicted, seconds)
+        state, fits, known, placed, age_ns = self._register(points, sensor_enu_m, at_ns, predicted, seconds)
         if not fits:
             self.refused += 1
             self._refused_in_row += 1
@@ -150,6 +164,8 @@ class LidarOdometry:
         self._refused_in_row = 0
         self.updates += 1
         self._seen_ns[self._filter.observed] = at_ns
+        self._map_variance_m2 = self._unsure.variance_m2(at_ns - age_ns)
+        self._unsure.add(at_ns, self._map_variance_m2 + np.diag(self._filter.covariance)[3:6] + SHARED_M**2)
         self._set(state, sensor_enu_m, at_ns)
         self._map.add(placed, known, at_ns, sensor_enu_m + state[3:6])
         self._steps.add(placed, at_ns)
@@ -179,15 +195,15 @@ class LidarOdometry:
 
     def _register(
         self, points: Floats, pivot: Floats, at_ns: int, predicted: Floats, seconds: float
-    ) -> tuple[Floats, bool, NDArray[np.bool_], Floats]:
-        """Return state, whether scan and map agree, points that the map knows, and points on the map."""
+    ) -> tuple[Floats, bool, NDArray[np.bool_], Floats, int]:
+        """Return state, whether scan and map agree, points that the map knows, points on it, and its age."""
         state, surfels = predicted.copy(), self._map
         placed, known = np.empty_like(points), np.empty(len(points), np.bool_)
         left, right = np.zeros((6, 6)), np.zeros(6)
-        met = matched = walls = steep = 0
+        met = matched = walls = steep = age_ns = 0
         target, information, near_steps = np.zeros(2), np.zeros((2, 2)), 0
         for number, sigma_m in enumerate(SIGMAS_M):
-            met, matched, walls, steep = normal_equations(
+            met, matched, walls, steep, age_ns = normal_equations(
                 points,
                 pivot,
                 Correction(state[:3]).rotation,
@@ -198,7 +214,7 @@ class LidarOdometry:
                 surfels.first_ns,
                 surfels.counts,
                 surfels.planes,
-                OLD_NS,
+                HOLD_NS,
                 sigma_m,
                 GATE_M,
                 placed,
@@ -226,7 +242,7 @@ class LidarOdometry:
         if fits:
             state[6:] += self._filter.finish(moved, left, steep)
             state[6:] = self._filter.known_rates(state[6:])  # the rest goes on as the autopilot has it
-        return state, bool(fits), known, placed
+        return state, bool(fits), known, placed, age_ns
 
     def _set(self, state: Floats, pivot_enu_m: Floats, at_ns: int) -> None:
         """Hand the correction to the history, and form the estimate."""
@@ -241,6 +257,7 @@ class LidarOdometry:
             return
         order = [3, 4, 5, 0, 1, 2]
         unsure = np.where(observed, 0.0, [UNSURE_RAD**2] * 3 + [UNSURE_M**2] * 3)
+        unsure[3:] += self._map_variance_m2 + SHARED_M**2
         self.estimate = OdometryEstimate(
             stamp_ns=pose.stamp_ns,
             position_enu_m=pose.position_enu_m,

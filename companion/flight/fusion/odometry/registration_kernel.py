@@ -33,7 +33,7 @@ def normal_equations(
     known: Array1D[np.bool_],
     left: Array2D[np.float64],
     right: Array1D[np.float64],
-) -> tuple[int, int, int, int]:
+) -> tuple[int, int, int, int, int]:
     """Write the normal equations of a small further rotation about the pivot and shift.
 
     Points (n, 3) are rotated about the pivot and shifted first (`moved_m`). A plane that is not steep tells
@@ -45,12 +45,12 @@ def normal_equations(
     -------
     tuple of int
         Points at a plane of the map, those within `gate_m` of it, points at a steep plane, and those within
-        `gate_m` of it.
+        `gate_m` of it; and the mean time for which the map has had the planes of the second, ns.
     """
     left[:, :] = 0.0
     right[:] = 0.0
     row = np.zeros(6)
-    met, matched, steep_met, steep_ones = 0, 0, 0, 0
+    met, matched, steep_met, steep_ones, ages_ns = 0, 0, 0, 0, 0
     precision = 1 / (sigma_m * sigma_m)
     for i in range(len(points_m)):
         x, y, z = points_m[i, 0] - pivot_m[0], points_m[i, 1] - pivot_m[1], points_m[i, 2] - pivot_m[2]
@@ -80,6 +80,7 @@ def normal_equations(
             if abs(error) > gate_m:
                 break
             matched += 1
+            ages_ns += stamp_ns - first_ns[level, j]
             known[i] = old
             if steep:
                 steep_ones += 1
@@ -95,4 +96,4 @@ def normal_equations(
                 for b in range(6):
                     left[a, b] += weight * row[a] * row[b]
             break
-    return met, matched, steep_met, steep_ones
+    return met, matched, steep_met, steep_ones, ages_ns // max(matched, 1)
