@@ -41,6 +41,7 @@ FOREIGN = {
     "slz-doctor": "needs the installed service: tests/unit/companion/test_deploy.py runs what it is",
     "nmcli": "changes the network of the computer",
     "curl": "needs an Ouster",
+    "my_program": "stands for the reader's own",
     "source": "of the shell: a virtual environment, as tests/unit/test_package.py makes one",
     "sim_vehicle.py": "ArduPilot's: tests/e2e/test_quickstart.py flies it with --arducopter",
 }
