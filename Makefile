@@ -36,7 +36,7 @@ $(PROGRAM): pyproject.toml constraints.txt
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed: run 'make PYTHON=/path/to/python3.11'"; exit 2; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "$(PYTHON) cannot make a virtual environment: install its venv module (Debian: sudo apt install $(notdir $(PYTHON))-venv)"; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	$(INSTALL) --editable .
+	$(INSTALL) --editable '.[all]'
 	@touch $@
 
 $(TOOLS): $(PROGRAM)
@@ -95,7 +95,7 @@ mutation: setup
 	$(INSTALL) --editable '.[mutation]'
 	NUMBA_DISABLE_JIT=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.mutation --seed $(or $(SEED),1) --count $(or $(COUNT),200)
 
-# Faults in every state of the landing; goes on where it was stopped. FLIGHTS=215 flies each once.
+# Faults in every state of the landing; goes on where it was stopped. FLIGHTS=260 flies each once.
 campaign: setup
 	$(BIN)/python -m tests.campaign --flights $(or $(FLIGHTS),2000)
 

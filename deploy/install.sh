@@ -3,6 +3,7 @@
 # again: it brings everything up to date and keeps /etc/slz.
 #
 #   sudo deploy/install.sh                 everything
+#   sudo EXTRAS=page,record,ros deploy/install.sh   with other extras (docs/install.md); page and record by default
 #   deploy/install.sh --root DIR           files only, below DIR (to build an image, or to look at them)
 set -euo pipefail
 
@@ -31,6 +32,7 @@ put() {  # put MODE SOURCE TARGET
 put 0644 "$here/deploy/slz.service" /etc/systemd/system/slz.service
 put 0644 "$here/deploy/60-slz.rules" /etc/udev/rules.d/60-slz.rules
 put 0644 "$here/deploy/60-slz-sysctl.conf" /etc/sysctl.d/60-slz.conf
+put 0755 "$here/deploy/slz-doctor" /usr/local/sbin/slz-doctor
 if [ ! -e "$root/etc/slz/slz.env" ]; then
     put 0640 "$here/deploy/slz.env" /etc/slz/slz.env
 fi
@@ -54,19 +56,23 @@ if ! /opt/slz/.venv/bin/python -c "$enough" 2> /dev/null; then
     rm -rf /opt/slz/.venv
     "$python" -m venv /opt/slz/.venv
 fi
-/opt/slz/.venv/bin/python -m pip install --quiet --constraint /opt/slz/constraints.txt /opt/slz
+rm -rf /opt/slz/build /opt/slz/slz.egg-info  # of the last version: a module deleted since would be installed again
+/opt/slz/.venv/bin/python -m pip install --quiet --constraint /opt/slz/constraints.txt "/opt/slz[${EXTRAS:-page,record}]"
 # The kernels are compiled now, by the service's own user, so that the first flight does not wait for them.
 install -d -o slz -g slz -m 0700 /var/cache/slz /var/lib/slz
 cd /  # not the checkout: Python looks for modules where it stands
 runuser -u slz -- env NUMBA_CACHE_DIR=/var/cache/slz /opt/slz/.venv/bin/python -c \
     'from companion.runtime.kernel_compilation import everything; everything()'
 
-sysctl --quiet --load /etc/sysctl.d/60-slz.conf
-udevadm control --reload && udevadm trigger --subsystem-match=tty
+# Refused in a container, and on a computer whose kernel is another one's: no reason to stop here.
+sysctl --quiet --load /etc/sysctl.d/60-slz.conf \
+    || echo "install.sh: net.core.rmem_max could not be set: set it to 8388608 where the kernel is yours" >&2
+{ udevadm control --reload && udevadm trigger --subsystem-match=tty; } \
+    || echo "install.sh: no udev here: autopilots on USB get no names" >&2
 systemctl daemon-reload
 systemctl enable --quiet slz.service
 if systemctl is-active --quiet slz.service; then
     echo "slz is running: restart it when the vehicle stands: systemctl restart slz"
 else
-    echo "edit /etc/slz/slz.env, see that 'slz doctor' is content, then: systemctl start slz"
+    echo "edit /etc/slz/slz.env, see that 'slz-doctor' is content, then: systemctl start slz"
 fi

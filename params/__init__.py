@@ -1,10 +1,12 @@
 """Parameters: one table, profiles, and their validation."""
 
+from params.autopilot_files import AUTOPILOT_FILES, autopilot_file
 from params.load import PROFILES, ParameterError, allowed, build, load
 from params.required import Required, required
 from params.table import Parameters, Row, Spec, rows
 
 __all__ = [
+    "AUTOPILOT_FILES",
     "PROFILES",
     "ParameterError",
     "Parameters",
@@ -12,6 +14,7 @@ __all__ = [
     "Row",
     "Spec",
     "allowed",
+    "autopilot_file",
     "build",
     "load",
     "required",

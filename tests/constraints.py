@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[1]
 # Debian 12 and Raspberry Pi OS, Ubuntu 24.04, Debian 13, each with its C library (2.x).
 PYTHONS = {"3.11.2": 36, "3.12": 39, "3.13": 41}
 MACHINES = ("x86_64", "aarch64")
-EXTRAS = ("dev", "docs")
+EXTRAS = ("survey", "page", "record", "plots", "ros", "dev", "docs")
 # Installed without what they ask for (Makefile).
 ALONE = ("MAVProxy", "ouster-sdk")
 DID_NOT_RUN = "constraints check DID NOT RUN"
@@ -42,7 +42,10 @@ def pinned(text: str) -> set[str]:
 def requirements(project: dict[str, Any]) -> list[str]:
     """Return what the project's table in pyproject.toml asks for: the program, its tools and its pages."""
     extras = project["optional-dependencies"]
-    return [*project["dependencies"], *(one for extra in EXTRAS for one in extras[extra])]
+    return [
+        *project["dependencies"],
+        *(one for extra in EXTRAS for one in extras[extra] if not one.startswith("slz[")),
+    ]
 
 
 def verdict(

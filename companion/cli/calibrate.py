@@ -11,6 +11,7 @@ from rich.table import Table
 
 from companion.cli.console import set_up_logging, stdout_console
 from companion.cli.options import Json, Settings, Verbose
+from companion.runtime import extras
 
 
 def calibrate(
@@ -20,6 +21,7 @@ def calibrate(
     verbose: Verbose = False,
 ) -> None:
     """Find the LiDAR's boresight and time offset from a recorded flight over ground seen several times."""
+    extras.require("record", "slz calibrate")
     set_up_logging(verbose)
     from companion.desk.calibrate import calibration
 

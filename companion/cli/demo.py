@@ -12,6 +12,7 @@ import typer
 import params
 from companion.cli.console import compile_at_first, err, page_endpoint, set_up_logging, stdout_console
 from companion.cli.options import Dashboard, DashboardToken, Json, Prior, Profile, Settings, Verbose
+from companion.runtime import extras
 
 DEMO_PAGE = "127.0.0.1:0"  # any free port
 
@@ -59,6 +60,12 @@ def demo(
     verbose: Verbose = False,
 ) -> None:
     """Fly the simulator: take off, survey, choose a zone and land in it."""
+    if dashboard is not None:
+        extras.require("page", "--dashboard")
+    elif not headless:
+        dashboard = _page_of_demo()
+    if prior is not None:
+        extras.require("survey", "--prior")
     set_up_logging(verbose)
     from companion.desk.demo import demonstration
 
@@ -70,7 +77,7 @@ def demo(
         scene, seed, speedup, out, intruder, point_rate, limit_s, chosen, prior, wind, wind_from
     )
     demonstration.check(plan)
-    with page_endpoint(dashboard or (None if headless else DEMO_PAGE), dashboard_token) as front:
+    with page_endpoint(dashboard, dashboard_token) as front:
         summary = demonstration.fly(plan, parameters, err, context.obj, live=not headless, front=front)
     if as_json:
         print(json.dumps(summary))
@@ -78,3 +85,11 @@ def demo(
         stdout_console().print(demonstration.table(summary))
     if not (summary["landed"] and summary["touchdown_safe"]):
         sys.exit(1)
+
+
+def _page_of_demo() -> str | None:
+    """Return the address of the page that nobody asked for, None where it cannot be served."""
+    if (package := extras.missing("page")) is None:
+        return DEMO_PAGE
+    err.print(extras.explain("no page", package, "page"), markup=False, highlight=False, soft_wrap=True)
+    return None

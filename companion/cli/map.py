@@ -12,6 +12,7 @@ import typer
 import params
 from companion.cli.console import compile_at_first, progress, set_up_logging, stdout_console, zone_table
 from companion.cli.options import Json, Profile, Settings, Verbose
+from companion.runtime import extras
 
 UNBLOCKED = {"ways not blocked °": lambda zone: str(zone["corridors"]["unblocked_deg"])}
 
@@ -53,6 +54,7 @@ def map_(
     verbose: Verbose = False,
 ) -> None:
     """Find the landing zones in stored clouds."""
+    extras.require("survey", "slz map")
     set_up_logging(verbose)
     from companion.desk import survey
 

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from companion.cli.console import stdout_console
 from companion.cli.options import Json
+from companion.runtime import extras
 
 
 def nearest(
@@ -24,6 +25,7 @@ def nearest(
     as_json: Json = False,
 ) -> None:
     """Find the surveyed landing zones nearest to a position."""
+    extras.require("survey", "slz nearest")
     from companion.desk.survey import nearest_zones as question
 
     answer = question.nearest(folder, lat, lon, radius_m, most)

@@ -1,9 +1,11 @@
-"""`slz params`: the table of parameters."""
+"""`slz params`: the table of parameters, and the autopilot's parameter files."""
 
 from __future__ import annotations
 
 import json
+from typing import Annotated
 
+import typer
 from rich.table import Table
 
 import params
@@ -14,9 +16,21 @@ from companion.cli.options import Json, Profile, Settings
 def params_(
     profile: Profile = "quadcopter",
     setting: Settings = [],  # noqa: B006
+    autopilot: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Print a parameter file of the autopilot instead: arducopter, arducopter_odometry, px4,"
+            " px4_odometry or px4_sih.",
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """List every parameter with its value, range and meaning."""
+    if autopilot is not None:
+        file, text = params.autopilot_file(autopilot)
+        print(json.dumps({"file": file, "text": text}) if as_json else text, end="\n" if as_json else "")
+        return
     values = params.load(profile, setting).model_dump()
     if as_json:
         table = {

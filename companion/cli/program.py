@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from typing import NoReturn, cast
+from typing import Annotated, NoReturn, cast
 
 import typer
 
@@ -19,16 +19,25 @@ from companion.cli.params_table import params_
 from companion.cli.replay import replay
 from companion.cli.reproduce import reproduce
 from companion.cli.run import run
+from companion.cli.safe_map_benchmark import benchmark
 from companion.cli.simulator import sim
+from companion.cli.version import show
+from companion.runtime import extras
 from companion.runtime.errors import CompanionError, UsageError
 from companion.runtime.interrupt import Interrupted, Interrupts
 
-app = typer.Typer(
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    help="Safe landing zones from LiDAR: map the ground, choose where to land, land there.",
-)
+app = typer.Typer(pretty_exceptions_enable=False)
 _BadArguments = cast(type[Exception], typer.BadParameter.__base__)  # click's, of typer's version
+
+
+@app.callback()
+def slz(
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=show, help="Print the versions and end.")
+    ] = False,
+) -> None:
+    """Safe landing zones from LiDAR: map the ground, choose where to land, land there."""
+
 
 app.command()(demo)
 app.command(
@@ -43,6 +52,7 @@ app.command(context_settings={"ignore_unknown_options": True})(nearest)  # becau
 app.command()(reproduce)
 app.command()(evidence)
 app.command()(bench)
+app.command()(benchmark)
 app.command("params")(params_)
 
 
@@ -66,6 +76,10 @@ def main() -> None:
             _fail(error, 2)
         except CompanionError as error:
             _fail(error, 1)
+        except ModuleNotFoundError as error:
+            if (found := extras.extra_of(error)) is None:
+                raise
+            _fail(extras.explain(" ".join(["slz", *asked[:1]]), *found), 2)
 
 
 def _in_words(error: Exception) -> str:

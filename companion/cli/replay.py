@@ -11,6 +11,7 @@ import typer
 
 from companion.cli.console import page_endpoint, progress, set_up_logging, stdout_console, zone_table
 from companion.cli.options import Dashboard, DashboardToken, Json, Settings, System, Verbose
+from companion.runtime import extras
 from companion.runtime.interrupt import Interrupts
 
 
@@ -51,6 +52,9 @@ def replay(
     verbose: Verbose = False,
 ) -> None:
     """Run a recorded flight again; exit 1 if its zones are not those of the flight."""
+    extras.require("record", "slz replay")
+    if out is not None:
+        extras.require("plots", "--out")
     set_up_logging(verbose)
     from companion.desk.replay import replay_run
     from companion.desk.replay.recording_type import RecordingOptions

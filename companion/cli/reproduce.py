@@ -10,6 +10,7 @@ import typer
 
 from companion.cli.console import progress, set_up_logging, stdout_console
 from companion.cli.options import Json, Verbose
+from companion.runtime import extras
 
 
 def reproduce(
@@ -21,6 +22,8 @@ def reproduce(
     verbose: Verbose = False,
 ) -> None:
     """Run the sources' scenes and write one page with their figures and ours."""
+    for extra in ("plots", "survey"):
+        extras.require(extra, "slz reproduce")
     set_up_logging(verbose)
     from companion.desk import reproduce as reproduction
 

@@ -23,6 +23,7 @@ from companion.cli.options import (
     System,
     Verbose,
 )
+from companion.runtime import extras
 from companion.runtime.errors import UsageError
 
 
@@ -54,6 +55,15 @@ def run(
     verbose: Verbose = False,
 ) -> None:
     """Run on the vehicle: read the autopilot and the LiDAR, map, choose and land."""
+    for option, extra, given in (
+        ("--out", "plots", out),
+        ("--prior", "survey", prior),
+        ("--dashboard", "page", dashboard),
+        ("--foxglove", "record", foxglove),
+        ("--ros2", "ros", ros2),
+    ):
+        if given is not None:
+            extras.require(extra, option)
     set_up_logging(verbose)
     from companion.flight.services import settings
     from companion.runtime.state_directory import StateDir, default_state_dir

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.desk.truth_raster import read_raster
 from companion.runtime.errors import CompanionError
 from params import Parameters
 from slz import SAFE, UNKNOWN, Box, Grid, LocalFrame, TerrainMaps, Zone, zone_mask
@@ -40,17 +41,14 @@ class Truth:
 
 def read_truth(folder: Path) -> Truth:
     """Read truth.tif, scene.json and flight.json of a simulated flight."""
-    import rasterio
-
     try:
         scene = json.loads((folder / "scene.json").read_text("utf-8"))
         flight = json.loads((folder / "flight.json").read_text("utf-8"))
-        with rasterio.open(folder / "truth.tif") as file:
-            safe, transform = file.read(1), file.transform
+        raster = read_raster(folder / "truth.tif")
     except (OSError, ValueError) as error:
         raise CompanionError(f"the simulator left no truth in {folder}: {error}") from None
     lat, lon, alt = _origin(scene)
-    return Truth(safe, transform.c, transform.f, transform.a, LocalFrame(lat, lon, alt), flight)
+    return Truth(*raster, LocalFrame(lat, lon, alt), flight)
 
 
 def _origin(scene: dict[str, Any]) -> tuple[float, float, float]:

@@ -32,8 +32,9 @@ from companion.flight.link.wire.signing import Signing
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mapping.point_watch import PointWatch
 from companion.flight.mapping.recent_obstacles import RecentObstacles
-from companion.flight.mapping.survey_prior import SurveyPrior
 from companion.flight.mode_requests import ModeRequests
+from companion.flight.outputs.lidar_announcer import LidarAnnouncer
+from companion.flight.outputs.map_circle import landing_circle
 from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.recorder.recordings import Recordings
 from companion.flight.report_feed import ReportFeed
@@ -59,6 +60,7 @@ from slz import Report, SpeckDetector, TerrainMaps
 if TYPE_CHECKING:
     from companion.flight.dashboard.page import Page, PageEndpoint
     from companion.flight.foxglove.live_view import LiveView
+    from companion.flight.mapping.survey_prior import SurveyPrior
     from companion.flight.ros2.ros_node import RosNode
 
 log = logging.getLogger(__name__)
@@ -135,7 +137,7 @@ class Companion:
                 self.situations, self.recordings.recorder, self.live, self.ros_node, self.streams, self.page,
             ),
         )  # fmt: skip
-        surveyed = None if prior is None else SurveyPrior(prior, parameters)
+        surveyed = None if prior is None else _surveyed(prior, parameters)
         self.worker = PipelineWorker(parameters, self._reports.on_report, surveyed)
         self.worker.on_invalid.subscribe(self._reports.on_invalid)
         self.feed = ScanFeed(
@@ -180,6 +182,7 @@ class Companion:
             self.link, self.history, self.obstacles, parameters,
             lambda: landing_status(self, self.situations.report_now()), ranges=ranges,
             odometry=lambda: None if self.odometry is None else self.odometry.estimate,
+            circle=lambda: landing_circle(self.situation(), parameters),
         )  # fmt: skip
         self.feed.on_new_map.subscribe(self.streams.forget)
         self.modes = ModeRequests(self.link, self.executive)
@@ -247,7 +250,7 @@ class Companion:
         }
         if self._aids_autopilot:
             parts["source"] = NavigationSource().run(
-                self.link, self._is_tracking, lambda: self.fitness.values
+                self.link, self._tells_place, lambda: self.fitness.values
             )
         if self.radar is not None:
             parts["radar"] = self.radar.run()
@@ -272,8 +275,8 @@ class Companion:
         if failed is not None:
             raise failed from None
 
-    def _is_tracking(self) -> bool:
-        return self.odometry is not None and self.odometry.is_tracking(now_ns())
+    def _tells_place(self) -> bool:
+        return self.odometry is not None and self.odometry.tells_place(now_ns())
 
     def stop(self) -> None:
         """End `run`, after telling whoever listens."""
@@ -293,6 +296,9 @@ class Companion:
             group.create_task(self.worker.run(), name="pipeline")
             group.create_task(self.decisions.run(self._stop), name="executive")
             group.create_task(self.streams.run(), name="streams")
+            group.create_task(
+                LidarAnnouncer(self.lidar.diagnosis, self.link.statustext).run(), name="lidar announcer"
+            )
 
     async def _wait_for_stop(self) -> None:
         await self._stop.wait()
@@ -309,6 +315,12 @@ class Companion:
             self._execution.stop_vehicle()
         await asyncio.sleep(0.2)
         await self.link.close()
+
+
+def _surveyed(folder: Path, parameters: Parameters) -> SurveyPrior:
+    from companion.flight.mapping.survey_prior import SurveyPrior  # the libraries of maps, as for the page
+
+    return SurveyPrior(folder, parameters)
 
 
 def _page(companion: Companion, front: PageEndpoint) -> Page:

@@ -18,6 +18,7 @@ from slz import LocalFrame, Report
 def flight_summary(flight: FlightView) -> dict[str, Any]:
     """Return the summary of a flight that `--json` prints."""
     executive, worker, radar = flight.executive, flight.worker, flight.radar
+    diagnosis = flight.lidar.diagnosis
     tally, frame = executive.tally, flight.history.frame
     chosen = None
     if tally.chosen_enu_m is not None and frame is not None:
@@ -48,6 +49,7 @@ def flight_summary(flight: FlightView) -> dict[str, Any]:
         "streams": flight.streams.statistics(),
         "link": asdict(flight.link.statistics()),
         "lidar": flight.lidar.statistics(),
+        "lidar_faults": [] if diagnosis is None else [episode.document() for episode in diagnosis.episodes],
         "radar": None if radar is None else radar.statistics(),
         "fusion": flight.assembler.statistics(),
         "recording": flight.recordings.statistics(),

@@ -2,7 +2,8 @@
 
 One family per file: `link_faults` (the companion's link), `autopilot_faults`, `stick_fault` (the pilot's
 stick), `gps_faults`, `failsafe_faults` (triggers of the autopilot's failsafes), `neighbour_faults` (other
-systems on the link), `lidar_faults`, `wind_faults`. `BelowHeight` starts one at a height in the descent.
+systems on the link), `lidar_faults`, `stream_faults` (the LiDAR's packets and clock), `wind_faults`.
+`BelowHeight` starts one at a height in the descent.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from sitl.faults import (
     link_faults,
     neighbour_faults,
     stick_fault,
+    stream_faults,
     wind_faults,
 )
 from sitl.faults.below_height import BelowHeight
@@ -66,6 +68,15 @@ _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "lidar_rain": lambda rng: lidar_faults.Weather(*lidar_faults.RAIN),
     "lidar_plumes": lambda rng: lidar_faults.Weather(None, lidar_faults.PLUMES),
     "lidar_snow": lambda rng: lidar_faults.Weather(None, lidar_faults.SNOW),
+    "lidar_loss": lambda rng: lidar_faults.PacketFault(stream_faults.Loss(rng)),
+    "lidar_pauses": lambda rng: stream_faults.Pauses(),
+    "lidar_cover": lambda rng: lidar_faults.PacketFault(stream_faults.Cover(rng)),
+    "lidar_dirt": lambda rng: lidar_faults.PacketFault(stream_faults.Dirt(rng)),
+    "lidar_row": lambda rng: lidar_faults.PacketFault(stream_faults.DeadRow(int(rng.integers(1, 3)))),
+    "lidar_half_rate": lambda rng: lidar_faults.PacketFault(stream_faults.HalfRate()),
+    "lidar_step": lambda rng: lidar_faults.PacketFault(stream_faults.stepped(rng)),
+    "lidar_drift": lambda rng: lidar_faults.PacketFault(stream_faults.drifting(rng)),
+    "lidar_elsewhere": lambda rng: stream_faults.Elsewhere(),
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
 SIZED: dict[str, Callable[[np.random.Generator, float], Fault]] = {

@@ -46,18 +46,24 @@ class LidarPort(Protocol):
 
 
 class UdpPort:
-    """Sender of UDP packets, with or without a receiver."""
+    """Sender of UDP packets, with or without a receiver.
+
+    Attributes
+    ----------
+    address
+        Host and port of the receiver.
+    """
 
     def __init__(self, sensor: Sensor, address: tuple[str, int]) -> None:
         self.sensor = sensor
         self.name = f"{address[0]}:{address[1]}"
-        self._address = address
+        self.address = address
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 
     def scan(self, t0_ns: int, t1_ns: int, pose_at: PoseAt, world: World) -> None:
         for packet in self.sensor.scan(t0_ns, t1_ns, pose_at, world):
             try:
-                self._socket.sendto(packet, self._address)
+                self._socket.sendto(packet, self.address)
             except OSError:
                 break  # no receiver
 

@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import rasterio
 from numpy.typing import NDArray
-from rasterio import Affine
 
 from sitl.scenes.scene import Scene
 from sitl.truth.footprint_span import measure_span
+from sitl.truth.truth_raster_file import write_geotiff
 from sitl.truth.truth_surface import sample_top
 from sitl.world.primitives import Kind
 from sitl.world.world import World
@@ -224,24 +223,8 @@ def _write_tif(
     tags: dict[str, str],
     nodata: float | None,
 ) -> None:
-    rows, columns = values.shape
-    latitude, longitude, _ = origin_lla
-    crs = f"+proj=tmerc +lat_0={latitude!r} +lon_0={longitude!r} +k=1 +x_0=0 +y_0=0 +ellps=WGS84 +units=m"
-    with rasterio.open(
-        path,
-        "w",
-        driver="GTiff",
-        width=columns,
-        height=rows,
-        count=1,
-        dtype=values.dtype.name,
-        crs=crs,
-        transform=Affine(cell_m, 0.0, extent[0], 0.0, -cell_m, extent[1] + rows * cell_m),
-        nodata=nodata,
-        compress="deflate",
-    ) as file:
-        file.write(values[::-1], 1)
-        file.update_tags(**tags)
+    corner = extent[0], extent[1] + len(values) * cell_m
+    write_geotiff(path, values[::-1], corner, cell_m, origin_lla[:2], tags, nodata)
 
 
 def _document(scene: Scene, origin_lla: tuple[float, float, float], extent: Extent) -> dict[str, object]:

@@ -24,12 +24,16 @@ STEP_S = 30.0
 
 @dataclass
 class Ship:
-    """What flies: the link and services of a companion, and where a ground station connects (TCP)."""
+    """What flies: the link and services of a companion, and where a ground station connects.
+
+    station_port: TCP, of the simulator, which forwards. link_port: UDP, of the companion itself.
+    """
 
     link: Link
     settings: Settings
     services: Services
     station_port: int
+    link_port: int
 
 
 @contextlib.asynccontextmanager
@@ -53,7 +57,7 @@ async def ship(
         tasks = [asyncio.create_task(link.run()), asyncio.create_task(services.run())]
         try:
             await until(lambda: link.connected)
-            yield Ship(link, settings, services, int(ready["mavlink"][1].rpartition(":")[2]))
+            yield Ship(link, settings, services, int(ready["mavlink"][1].rpartition(":")[2]), port)
         finally:
             await link.close()
             tasks[1].cancel()

@@ -5,7 +5,8 @@ from __future__ import annotations
 import tomllib
 from typing import Any
 
-from tests.constraints import ALONE, DID_NOT_RUN, ROOT, pinned, requirements, verdict
+from companion.runtime import extras
+from tests.constraints import ALONE, DID_NOT_RUN, EXTRAS, ROOT, pinned, requirements, verdict
 
 PINS = pinned("numpy==2.4.6\nlazy-importer==0.1.0\n")
 
@@ -48,3 +49,7 @@ def test_what_is_asked_is_what_the_makefile_installs() -> None:
     assert f"--no-deps {' '.join(ALONE)}" in makefile
     wanted = requirements(tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"])
     assert {"numpy>=2.0", "ruff>=0.9", "mkdocs-material>=9.6"} <= set(wanted)
+
+
+def test_every_extra_of_the_program_is_asked_for() -> None:
+    assert set(extras.PACKAGES) - {"ouster"} <= set(EXTRAS)

@@ -26,7 +26,7 @@ from companion.desk.demo.demo_sensors import SENSORS, DemoSensor, sensor_named, 
 from companion.desk.evaluation import area_error, read_truth, touchdown
 from companion.flight.app import Companion
 from companion.flight.landing.situation import Phase
-from companion.runtime import output_folder
+from companion.runtime import extras, output_folder
 from companion.runtime.errors import CompanionError, UsageError
 from companion.runtime.interrupt import Interrupts
 from companion.runtime.lockstep_loop import LockstepClient, LockstepLoop
@@ -106,9 +106,7 @@ def fly(
             status.update("judging against the truth")
             _wait(simulator.process)
         evaluated = _evaluate(companion, truth, parameters)
-        from companion.desk.figures.flight_figures import draw_flight
-
-        files = draw_flight(companion, plan.out)
+        files = _draw(companion, plan.out)
         for file in ("truth.tif", "scene.json", "flight.json"):
             shutil.copy(truth / file, plan.out / file)
     summary = companion.summary | evaluated
@@ -391,6 +389,16 @@ def _wait(process: subprocess.Popen[str]) -> None:
         process.kill()
         process.wait()
         raise CompanionError("the simulator did not end") from None
+
+
+def _draw(companion: Companion, out: Path) -> dict[str, str]:
+    """Draw the maps of the flight; without the drawing library only say so."""
+    if (package := extras.missing("plots")) is not None:
+        log.warning(extras.explain("no pictures", package, "plots"))
+        return {}
+    from companion.desk.figures.flight_figures import draw_flight
+
+    return draw_flight(companion, out)
 
 
 def _evaluate(companion: Companion, truth_folder: Path, parameters: Parameters) -> dict[str, Any]:

@@ -14,6 +14,7 @@ from companion.flight.fusion.assembler import ScanAssembler
 from companion.flight.fusion.odometry.opening import open_odometry
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
 from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.returns import Returns
 from companion.runtime.event import Event
@@ -73,6 +74,8 @@ class Rerun:
         Event of the inertial samples of the LiDAR, emitted by a feed that holds its packets.
     returns, span_ns
         Number of returns, and their oldest and newest stamp.
+    diagnosis
+        What was wrong with the LiDAR's stream and clock; None unless the feed holds its packets.
     poses_ns
         Oldest and newest time that has poses; None without any.
     """
@@ -92,6 +95,7 @@ class Rerun:
         self.returns = 0
         self.span_ns: tuple[int, int] | None = None
         self.poses_ns: tuple[int, int] | None = None
+        self.diagnosis: LidarDiagnosis | None = None
         self._windower = Windower(parameters.window_s)
         self._pipeline = Pipeline(parameters)
         self._epoch = 0

@@ -18,6 +18,7 @@ from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.mapping.window_event import WindowEvent
 from companion.flight.recorder import journal
+from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
 from companion.flight.sensors.returns import Returns
 from params import Parameters
 from slz import LocalFrame, Pipeline, Report, Scan, SpeckDetector, TerrainMaps, without_specks
@@ -110,6 +111,11 @@ class Replay:
     def vehicle(self) -> VehicleState:
         """The vehicle's state, from the autopilot's messages up to now."""
         return self._sensors.vehicle
+
+    @property
+    def diagnosis(self) -> LidarDiagnosis | None:
+        """What was wrong with the LiDAR's stream and clock; None for a sensor that is not diagnosed."""
+        return self._sensors.diagnosis
 
     @property
     def pipeline(self) -> Pipeline:

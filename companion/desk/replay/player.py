@@ -9,6 +9,7 @@ from typing import Protocol
 
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
 from slz import Pipeline, Report
 
 Step = tuple[int, Callable[[bool], Report | None]]
@@ -28,6 +29,9 @@ class Playing(Protocol):
 
     @property
     def pipeline(self) -> Pipeline: ...
+
+    @property
+    def diagnosis(self) -> LidarDiagnosis | None: ...
 
 
 class Player:

@@ -18,10 +18,11 @@ from companion.flight.link.wire.codec import Codec
 from companion.flight.mapping.window_event import WindowEvent
 from companion.flight.recorder import journal
 from companion.flight.recorder.journal import BadRecordError
+from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
 from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.lidar_url import stream_for
 from companion.flight.sensors.mavlink_ranges import MavlinkRanges
-from companion.flight.sensors.packet_stream import OnReturns
+from companion.flight.sensors.packet_stream import OnReturns, PacketStream
 from companion.runtime.event import Event
 from params import Parameters
 from slz import LocalFrame
@@ -72,6 +73,12 @@ class RecordedSensors:
         if self.odometry is not None:
             self.on_imu.subscribe(self.odometry.gyro.add_samples)
             self._inbox.attitude.subscribe(self.odometry.gyro.add_attitude)
+
+    @property
+    def diagnosis(self) -> LidarDiagnosis | None:
+        """What was wrong with the LiDAR's stream and clock; None for a sensor that is not diagnosed."""
+        stream = self._stream
+        return stream.diagnosis if isinstance(stream, PacketStream) and stream.is_diagnosed else None
 
     @property
     def vehicle(self) -> VehicleState:

@@ -113,7 +113,7 @@ class ReplayPage:
         if now_s - self._shown_s < SHOW_S:
             return
         self._shown_s = now_s
-        board.state = state_document.replayed(playing.history, playing.vehicle, stamp_ns)
+        board.state = state_document.replayed(playing.history, playing.vehicle, stamp_ns, playing.diagnosis)
         state = board.state
         if state["east_m"] is not None:
             board.add_position((state["east_m"], state["north_m"], state["up_m"]))

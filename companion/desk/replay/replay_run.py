@@ -15,6 +15,7 @@ from companion.desk.replay.own_replay import Replay, ReplayOutcome
 from companion.desk.replay.recording_reader import RecordingReader
 from companion.desk.replay.recording_type import RecordingOptions, open_recording, recording_type_of
 from companion.flight.outputs.zone_summary import choice_summary, zone_summary
+from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
 from companion.runtime import output_folder
 from companion.runtime.errors import UsageError
 from params import Parameters
@@ -74,7 +75,7 @@ def run(
     files = {} if out is None else _draw(out, replay.maps(), replay.report, replay.outcome, parameters)
     summary = _summary(path, recording.cut, replay.outcome, replay.report, settings, files)
     why = "" if summary["zones"] else why_no_zone(replay.outcome, replay.maps(), parameters)
-    return summary | {"why_no_zones": why, "warnings": []}
+    return summary | {"why_no_zones": why} | _diagnosed(replay.diagnosis)
 
 
 def _run_others(
@@ -100,9 +101,11 @@ def _run_others(
     summary = _summary(path, feed.cut, outcome, rerun.report, settings, files)
     source, returns = feed.summary(), {"read": rerun.returns} | rerun.assembler.statistics()
     why = [] if summary["zones"] else [why_no_zone(outcome, rerun.maps(), rerun.parameters)]
+    diagnosed = _diagnosed(rerun.diagnosis)
     return summary | {
         "why_no_zones": "; ".join([*why, *(not_mapped(feed, rerun) if why else [])]),
-        "warnings": lost_for_time(source, returns),
+        "lidar_faults": diagnosed["lidar_faults"],
+        "warnings": [*lost_for_time(source, returns), *diagnosed["warnings"]],
         "source": source,
         "returns": returns,
     }
@@ -151,6 +154,13 @@ def _summary(
         "choice": None if report is None else choice_summary(report),
         "files": files,
     }
+
+
+def _diagnosed(diagnosis: LidarDiagnosis | None) -> dict[str, Any]:
+    """Return what was wrong with the LiDAR, and a sentence for each cause."""
+    episodes = [] if diagnosis is None else diagnosis.episodes
+    lines = dict.fromkeys(f"LiDAR: {episode.explanation.line}" for episode in episodes)
+    return {"lidar_faults": [episode.document() for episode in episodes], "warnings": list(lines)}
 
 
 def _draw(

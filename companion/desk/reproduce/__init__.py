@@ -11,7 +11,6 @@ from companion.desk.reproduce import (
     instrument_data,
     landing_points,
     near_far,
-    odometry_section,
     reliability,
     reproduction_page,
     square_filter,
@@ -20,7 +19,8 @@ from companion.desk.reproduce import (
 )
 from companion.desk.reproduce.inclined_planes import slope_errors
 from companion.desk.reproduce.near_far import CLIMBS
-from companion.desk.reproduce.odometry_runs import SURVEYS as DRIFTING
+from companion.desk.reproduce.odometry import odometry_section
+from companion.desk.reproduce.odometry.drifting_survey import SURVEYS as DRIFTING
 from companion.desk.reproduce.places import PLACES
 from companion.desk.reproduce.reproduction_page import Section
 from companion.desk.reproduce.scenarios import BY_SCENE, ENTRANCE, SCENARIOS

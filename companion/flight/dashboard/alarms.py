@@ -47,6 +47,7 @@ def active_alarms(state: dict[str, Any], selected: dict[str, Any] | None) -> lis
     if state["unfit"]:
         more = f" and {len(state['unfit']) - 1} more: see slz doctor" if len(state["unfit"]) > 1 else ""
         found.append(("warning", "unfit", f"Autopilot not set up: {state['unfit'][0]}{more}"))
+    found.extend(("warning", f"lidar-{one['cause']}", one["line"]) for one in state["lidar_faults"])
     if state["blocked"]:
         found.append(("warning", "blocked", "Obstacle ahead: held back"))
     return [{"level": level, "key": key, "text": text} for level, key, text in found]

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from importlib import resources
+from typing import Any
 from urllib.parse import parse_qs
 
 from fastapi import FastAPI, Request, Response, WebSocket
 from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse
 from starlette.types import ASGIApp
 
-from companion.flight.dashboard import api
+from companion.flight.dashboard import api, blueos
 from companion.flight.dashboard.alarms import active_alarms
 from companion.flight.dashboard.security.access import COOKIE, Role
 from companion.flight.dashboard.security.request_guard import MOST_BODY_BYTES, ROLE, Guard, address_of
@@ -64,6 +65,10 @@ def make_app(site: Site) -> ASGIApp:
         answer = RedirectResponse("/", 303)
         answer.set_cookie(COOKIE, given, max_age=86_400, httponly=True, samesite="strict")
         return answer
+
+    @app.get(blueos.PATH, include_in_schema=False)
+    async def register_service() -> dict[str, Any]:
+        return blueos.registration()
 
     @app.get("/api", include_in_schema=False)
     async def docs() -> Response:

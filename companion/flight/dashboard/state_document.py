@@ -15,6 +15,7 @@ from companion.flight.geometry.wind import Wind
 from companion.flight.landing.situation import COMMANDING, Emergency
 from companion.flight.landing.ways.approach_path import ApproachPath
 from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
 from slz import MovingObject, Report, Wire
 
 LATENCIES = 300
@@ -40,6 +41,7 @@ def state(flight: FlightView) -> dict[str, Any]:
         "heard": s.heard,
         "lidar_ok": s.lidar_ok,
         "blind": s.no_map_reason,
+        "lidar_faults": lidar_faults(flight.lidar.diagnosis),
         "failsafe": s.failsafe,
         "estimate_lost": s.estimate_lost,
         "blocked": s.blocked,
@@ -62,7 +64,9 @@ def state(flight: FlightView) -> dict[str, Any]:
     }
 
 
-def replayed(history: PoseHistory, vehicle: VehicleState, at_ns: int) -> dict[str, Any]:
+def replayed(
+    history: PoseHistory, vehicle: VehicleState, at_ns: int, diagnosis: LidarDiagnosis | None = None
+) -> dict[str, Any]:
     """Return the same document from a recording, as far as it holds the values."""
     pose = history.latest(at_ns)
     return {
@@ -77,6 +81,7 @@ def replayed(history: PoseHistory, vehicle: VehicleState, at_ns: int) -> dict[st
         "heard": True,
         "lidar_ok": True,
         "blind": "",
+        "lidar_faults": lidar_faults(diagnosis),
         "failsafe": vehicle.failsafe,
         "estimate_lost": vehicle.health.estimate_lost,
         "blocked": False,
@@ -97,6 +102,12 @@ def replayed(history: PoseHistory, vehicle: VehicleState, at_ns: int) -> dict[st
         "aborts": 0,
         "reboots": vehicle.reboots,
     }
+
+
+def lidar_faults(diagnosis: LidarDiagnosis | None) -> list[dict[str, str]]:
+    """Return what is wrong with the LiDAR now: cause and remedy in one sentence each."""
+    active = [] if diagnosis is None else diagnosis.active
+    return [{"cause": one.cause, "line": one.explanation.line} for one in active]
 
 
 def _emergency(emergency: Emergency | None) -> dict[str, Any] | None:

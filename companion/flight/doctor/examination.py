@@ -108,7 +108,8 @@ class Examination:
 
     def _lidar(self, lidar: Lidar, seconds: float) -> list[Finding]:
         statistics = lidar.statistics()
-        return lidar_findings(self.lidar_url, seconds, int(statistics["packets"] or 0), statistics)
+        episodes = [] if lidar.diagnosis is None else lidar.diagnosis.episodes
+        return lidar_findings(self.lidar_url, seconds, int(statistics["packets"] or 0), statistics, episodes)
 
     async def _version(self, link: Link) -> Version | None:
         versions: list[Version] = []

@@ -1,21 +1,37 @@
-"""Checks of the LiDAR's packets: rate, loss, integrity, clock."""
+"""Checks of the LiDAR's packets: rate, loss, integrity, clock; and what its diagnosis says."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from companion.flight.doctor.finding import Finding, judged
+from companion.flight.sensors.diagnosis import explanation
+from companion.flight.sensors.diagnosis.lidar_diagnosis import Episode
 
 LEAST_HZ = 10_000.0
 LOSS = 0.01
 
 
 def lidar_findings(
-    url: str, seconds: float, packets: int, statistics: Mapping[str, int | float | None]
+    url: str,
+    seconds: float,
+    packets: int,
+    statistics: Mapping[str, int | float | None],
+    episodes: Sequence[Episode] = (),
 ) -> list[Finding]:
-    """Judge the driver's counters; `packets` arrived within `seconds`."""
+    """Judge the driver's counters, `packets` arrived within `seconds`, and name each cause diagnosed."""
     if not packets:
-        return [_silence(url, statistics)]
+        return [_silence(url, statistics, episodes)]
+    return [*_counted(seconds, packets, statistics), *_diagnosed(episodes)]
+
+
+def _diagnosed(episodes: Sequence[Episode]) -> list[Finding]:
+    """Return a finding for each cause, the latest of its kind."""
+    causes = {episode.cause: episode.explanation for episode in episodes}
+    return [Finding("LiDAR", why.level, why.sentence, "", why.remedy) for why in causes.values()]
+
+
+def _counted(seconds: float, packets: int, statistics: Mapping[str, int | float | None]) -> list[Finding]:
     lost, spoilt = _count(statistics, "lost_packets"), _count(statistics, "bad_checksum")
     malformed = _count(statistics, "malformed")
     points_hz = _count(statistics, "returns") / seconds
@@ -35,7 +51,7 @@ def lidar_findings(
             share <= LOSS,
             f"{100 * share:.2f} %",
             f"at most {100 * LOSS:g} %",
-            "use a wired network of its own; raise net.core.rmem_max to 8388608",
+            f"{explanation.NETWORK}; {explanation.BUFFER}",
         ),
         judged(
             "LiDAR packets spoilt",
@@ -60,14 +76,14 @@ def _following(statistics: Mapping[str, int | float | None]) -> list[Finding]:
     follows = statistics.get("clock_follows")
     if follows is None:
         return []
-    remedy = (
-        "give sensor and computer one master (ptp4l and phc2sys, or chrony by GPS), or set lidar_clock=free"
-    )
     said = "synchronised" if follows else "not this computer's time"
-    return [judged("LiDAR time", bool(follows), said, "by lidar_clock", remedy)]
+    return [judged("LiDAR time", bool(follows), said, "by lidar_clock", explanation.MASTER)]
 
 
-def _silence(url: str, statistics: Mapping[str, int | float | None]) -> Finding:
+def _silence(url: str, statistics: Mapping[str, int | float | None], episodes: Sequence[Episode]) -> Finding:
+    if episodes:
+        why = episodes[-1].explanation
+        return Finding("LiDAR packets", "fail", f"none at {url}: {why.sentence}", "packets", why.remedy)
     remedy = "set the sensor's destination to this computer and that port, and check cable and subnet"
     if _count(statistics, "malformed") or _count(statistics, "bad_checksum"):
         remedy = "something else sends to this port: check the sensor's model and its point-data port"

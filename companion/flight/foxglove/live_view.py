@@ -14,7 +14,7 @@ import foxglove
 from companion.flight.flight_view import FlightView
 from companion.flight.geometry.pose import Pose
 from companion.flight.mapping.window_event import WindowEvent
-from companion.flight.recorder import foxglove_scene
+from companion.flight.recorder import foxglove_scene, topics
 from companion.runtime.clock import now_ns
 from companion.runtime.errors import UsageError
 from slz import LocalFrame, MovingObject, Report, Window
@@ -26,14 +26,14 @@ MOST_WAITING = 64
 POSE_NS = 100_000_000
 SHOWN = frozenset(
     {
-        foxglove_scene.POINTS,
-        foxglove_scene.ZONES,
-        foxglove_scene.MOVING,
-        foxglove_scene.GEOJSON,
-        foxglove_scene.TRANSFORM,
-        foxglove_scene.FIX,
-        foxglove_scene.LOG,
-        foxglove_scene.PARAMETERS,
+        topics.POINTS,
+        topics.ZONES,
+        topics.MOVING,
+        topics.GEOJSON,
+        topics.TRANSFORM,
+        topics.FIX,
+        topics.LOG,
+        topics.PARAMETERS,
     }
 )
 
@@ -84,35 +84,35 @@ class LiveView:
     def window(self, _event: WindowEvent, window: Window) -> None:
         """Publish the points of a window."""
         wall_ns = self._wall_ns()
-        self._put(foxglove_scene.POINTS, lambda: foxglove_scene.cloud(window, wall_ns), wall_ns)
+        self._put(topics.POINTS, lambda: foxglove_scene.cloud(window, wall_ns), wall_ns)
 
     def use_report(self, report: Report) -> None:
         """Publish a report."""
         wall_ns, wind = self._wall_ns(), self._wind.at(now_ns())
-        self._put(foxglove_scene.ZONES, lambda: foxglove_scene.scene(report, wall_ns, wind), wall_ns)
-        self._put(foxglove_scene.GEOJSON, lambda: foxglove_scene.geojson(report), wall_ns)
+        self._put(topics.ZONES, lambda: foxglove_scene.scene(report, wall_ns, wind), wall_ns)
+        self._put(topics.GEOJSON, lambda: foxglove_scene.geojson(report), wall_ns)
 
     def pose(self, pose: Pose, frame: LocalFrame) -> None:
         """Publish the vehicle's pose, at most ten times a second."""
         if now_ns() - self._last_pose_ns < POSE_NS:
             return
         self._last_pose_ns, wall_ns = now_ns(), self._wall_ns()
-        self._put(foxglove_scene.TRANSFORM, lambda: foxglove_scene.transform(pose, wall_ns), wall_ns)
-        self._put(foxglove_scene.FIX, lambda: foxglove_scene.fix(pose, frame, wall_ns), wall_ns)
+        self._put(topics.TRANSFORM, lambda: foxglove_scene.transform(pose, wall_ns), wall_ns)
+        self._put(topics.FIX, lambda: foxglove_scene.fix(pose, frame, wall_ns), wall_ns)
 
     def moving(self, objects: tuple[MovingObject, ...]) -> None:
         """Publish what moves around the vehicle, at most ten times a second."""
         at_ns, wall_ns = now_ns(), self._wall_ns()
         if objects and at_ns - self._last_moving_ns >= POSE_NS:
             self._last_moving_ns = at_ns
-            self._put(foxglove_scene.MOVING, lambda: foxglove_scene.moving(objects, at_ns, wall_ns), wall_ns)
+            self._put(topics.MOVING, lambda: foxglove_scene.moving(objects, at_ns, wall_ns), wall_ns)
 
     def text(self, text: str, severity: int) -> None:
         """Publish a text for the pilot."""
         level = logging.INFO if severity > 4 else logging.WARNING if severity > 2 else logging.CRITICAL
         record = logging.LogRecord("slz", level, "", 0, text, None, None)
         wall_ns = self._wall_ns()
-        self._put(foxglove_scene.LOG, lambda: foxglove_scene.line(record, wall_ns), wall_ns)
+        self._put(topics.LOG, lambda: foxglove_scene.line(record, wall_ns), wall_ns)
 
     def close(self) -> None:
         """Stop the server."""

@@ -56,14 +56,14 @@ class Situation:
     estimate.
 
     failsafe: reported by the autopilot. breached: outside its fence. estimate_lost: parts of the estimate
-    that were valid and are lost. gps_lost: the receiver lost its fix; the estimate drifts. tracked: the LiDAR
-    odometry knows the place on the map, None while it is off. gps_drift_m: how far the estimate went off the
-    map in the last ten seconds, by the odometry. cause: reason of the failsafe. target_lost_ns: last time at
-    which the autopilot reported the landing target lost. sticks_us: the pilot's roll and pitch stick, None if
-    not seen. switched: a switch of the pilot's transmitter moved within the last seconds. fit: the autopilot
-    is known to be set up for a landing. heading_rad: of the nose, clockwise from north. below: surface of the
-    ground under the vehicle. wind: None while it is unknown. intrusion: what came onto the selected point
-    since the report, or None.
+    that were valid and are lost. gps_lost: the receiver lost its fix; the estimate drifts. tracked: the
+    LiDAR odometry knows the place on the map, or did three seconds ago; None while it is off. gps_drift_m:
+    how far the estimate went off the map in the last ten seconds, by the odometry. cause: reason of the
+    failsafe. target_lost_ns: last time at which the autopilot reported the landing target lost. sticks_us:
+    the pilot's roll and pitch stick, None if not seen. switched: a switch of the pilot's transmitter moved
+    within the last seconds. fit: the autopilot is known to be set up for a landing. heading_rad: of the
+    nose, clockwise from north. below: surface of the ground under the vehicle. wind: None while it is
+    unknown. intrusion: what came onto the selected point since the report, or None.
     moving: what moves around the vehicle.
     """
 

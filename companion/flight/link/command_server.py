@@ -63,12 +63,15 @@ class CommandReply:
         Execute the command each time it arrives; never treat it as a retransmission.
     is_in_effect
         Returns whether the command is still in effect; if not, an equal command is a new one.
+    message
+        Message that the command asks for, sent after the acknowledgement.
     """
 
     result: int
     reason: str = ""
     always: bool = False
     is_in_effect: Callable[[], bool] = lambda: True
+    message: Any | None = None
 
     @classmethod
     def accepted(cls, reason: str = "") -> CommandReply:
@@ -123,12 +126,15 @@ class CommandServer:
     ----------
     handler
         Executes a command and answers it; None: every command is unsupported.
+    handlers
+        Handlers of single commands by their number, instead of `handler`.
     executed, repeated
         Number of commands given to the handler; number of retransmissions answered from memory.
     """
 
     def __init__(self) -> None:
         self.handler: Handler | None = None
+        self.handlers: dict[int, Handler] = {}
         self.executed = 0
         self.repeated = 0
         self._done: OrderedDict[tuple[int, int], deque[_Done]] = OrderedDict()
@@ -146,7 +152,8 @@ class CommandServer:
             self.repeated += 1
             earlier.confirmation = confirmation
             return Answer(_ack(command, earlier.reply), earlier.reply, executed=False)
-        reply = CommandReply.unsupported() if self.handler is None else self.handler(command)
+        handler = self.handlers.get(command.command, self.handler)
+        reply = CommandReply.unsupported() if handler is None else handler(command)
         self.executed += 1
         done.append(_Done(command, message.get_seq(), confirmation, now_ns, reply))
         self._done.move_to_end(sender)

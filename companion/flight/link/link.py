@@ -220,9 +220,15 @@ class Link:
         """Call `handler(message, now_ns)` for each message of a type from the vehicle, or from anyone."""
         return self._subscribers[type_name, anyone].subscribe(handler)
 
-    def on_command(self, handler: Handler) -> None:
-        """Set the handler that executes and answers commands addressed to this component."""
-        self._server.handler = handler
+    def on_command(self, handler: Handler, number: int | None = None) -> None:
+        """Set the handler that executes and answers commands addressed to this component.
+
+        With a number it is for that command alone, otherwise for all without a handler of their own.
+        """
+        if number is None:
+            self._server.handler = handler
+        else:
+            self._server.handlers[number] = handler
 
     # ---- sending --------------------------------------------------------------------------------
 

@@ -25,8 +25,8 @@ EXTERNAL_NAV, MAVLINK_ODOMETRY = 6.0, 1.0
 GPS_GOOD_NS = 5_000_000_000
 # The same while the LiDAR gives no position either.
 GPS_GOOD_ALONE_NS = 1_000_000_000
-# Two scans without an estimate are no failure.
-UNHEALTHY_NS = 1_000_000_000
+# The autopilot's dead reckoning holds so long, see BRIDGE_NS of the LiDAR odometry.
+UNHEALTHY_NS = 3_000_000_000
 RETRY_NS = 1_000_000_000
 TRIES_UNTIL_CALL = 2
 TICK_S = 0.05

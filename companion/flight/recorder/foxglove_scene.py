@@ -49,20 +49,20 @@ from companion.flight.outputs.wire_summary import wire_feature
 from companion.flight.outputs.zone_feature import zone_feature
 from companion.flight.recorder import foxglove_moving, journal
 from companion.flight.recorder.foxglove_ways import ways, wind_arrow
+from companion.flight.recorder.topics import (
+    FIX,
+    GEOJSON,
+    LOG,
+    MOST_POINTS,
+    MOVING,
+    PARAMETERS,
+    POINTS,
+    TRANSFORM,
+    ZONES,
+)
 from slz import LocalFrame, MovingObject, PointState, Report, SurfaceKind, Window, Wire, Zone
 
 MAP, BODY = "map", "base_link"
-POINTS, ZONES, MOVING, GEOJSON, TRANSFORM, FIX, LOG, PARAMETERS = (
-    "/points",
-    "/zones",
-    "/moving",
-    "/zones/geojson",
-    "/tf",
-    "/position",
-    "/log",
-    "/parameters",
-)
-MOST_POINTS = 20_000
 LIFT_M = 0.3  # height of lines above the ground
 # The sources draw the largest zone dark green, the others light green.
 BEST, OTHER = Color(r=0.0, g=0.4, b=0.1, a=1.0), Color(r=0.45, g=0.85, b=0.45, a=1.0)

@@ -12,13 +12,14 @@ from typing import Any
 from companion.flight.geometry.pose import Pose
 from companion.flight.link.vehicle_identity import VehicleIdentity
 from companion.flight.mapping.window_event import WindowEvent
-from companion.flight.recorder import foxglove_scene, journal
+from companion.flight.recorder import journal, topics
 from companion.flight.recorder.recording_writer import MIB, Entry, McapWriter
+from companion.runtime import extras
 from companion.runtime.clock import now_ns
 from params import Parameters
 from slz import LocalFrame, MovingObject, Report, Window
 
-CLOUD_BYTES = 12 * foxglove_scene.MOST_POINTS
+CLOUD_BYTES = 12 * topics.MOST_POINTS
 SMALL_BYTES = 512
 POSE_NS = 100_000_000
 FIX_NS = 200_000_000
@@ -79,10 +80,12 @@ class Recorder:
         }
         if identity is not None:
             metadata |= {"system": str(identity.known or ""), "remembered": str(identity.remembered or "")}
-        self._writer = McapWriter(path, foxglove_scene.channels, int(parameters.record_mb * MIB), metadata)
+        self._display = _display()
+        channels = None if self._display is None else self._display.channels
+        self._writer = McapWriter(path, channels, int(parameters.record_mb * MIB), metadata)
         self._handler = _LogHandler(self._log)
         logging.getLogger("companion").addHandler(self._handler)
-        self._put(foxglove_scene.PARAMETERS, json.dumps(values).encode(), now_ns())
+        self._put(topics.PARAMETERS, json.dumps(values).encode(), now_ns())
 
     # ---- replay data ----------------------------------------------------------------------------
 
@@ -106,12 +109,8 @@ class Recorder:
         """Record the window that the pipeline starts on."""
         at_ns = now_ns()
         self._raw(journal.EVENT, journal.pack_window(event), at_ns)
-        self._put(
-            foxglove_scene.POINTS,
-            lambda: foxglove_scene.cloud(window, self._wall_ns(at_ns)),
-            at_ns,
-            CLOUD_BYTES,
-        )
+        wall_ns = self._wall_ns(at_ns)
+        self._show(topics.POINTS, lambda display: display.cloud(window, wall_ns), at_ns, CLOUD_BYTES)
 
     def frame_begun(self, frame: LocalFrame) -> None:
         """Record the beginning of a map frame."""
@@ -123,8 +122,8 @@ class Recorder:
         at_ns = now_ns()
         wall_ns = self._wall_ns(at_ns)
         self._raw(journal.REPORT, lambda: journal.report_document(report), at_ns)
-        self._put(foxglove_scene.ZONES, lambda: foxglove_scene.scene(report, wall_ns), at_ns)
-        self._put(foxglove_scene.GEOJSON, lambda: foxglove_scene.geojson(report), at_ns)
+        self._show(topics.ZONES, lambda display: display.scene(report, wall_ns), at_ns)
+        self._show(topics.GEOJSON, lambda display: display.geojson(report), at_ns)
 
     # ---- display data ---------------------------------------------------------------------------
 
@@ -134,21 +133,21 @@ class Recorder:
         wall_ns = self._wall_ns(at_ns)
         if at_ns - self._last_pose_ns >= POSE_NS:
             self._last_pose_ns = at_ns
-            self._put(foxglove_scene.TRANSFORM, lambda: foxglove_scene.transform(pose, wall_ns), at_ns)
+            self._show(topics.TRANSFORM, lambda display: display.transform(pose, wall_ns), at_ns)
         if at_ns - self._last_fix_ns >= FIX_NS:
             self._last_fix_ns = at_ns
-            self._put(foxglove_scene.FIX, lambda: foxglove_scene.fix(pose, frame, wall_ns), at_ns)
+            self._show(topics.FIX, lambda display: display.fix(pose, frame, wall_ns), at_ns)
 
     def moving(self, objects: tuple[MovingObject, ...]) -> None:
         """Record what moves around the vehicle, at most ten times a second."""
         at_ns = now_ns()
         if objects and at_ns - self._last_moving_ns >= POSE_NS:
             self._last_moving_ns, wall_ns = at_ns, self._wall_ns(at_ns)
-            self._put(foxglove_scene.MOVING, lambda: foxglove_scene.moving(objects, at_ns, wall_ns), at_ns)
+            self._show(topics.MOVING, lambda display: display.moving(objects, at_ns, wall_ns), at_ns)
 
     def changed(self, name: str, value: Any) -> None:
         """Record a changed parameter."""
-        self._put(foxglove_scene.PARAMETERS, json.dumps({name: value}).encode(), now_ns())
+        self._put(topics.PARAMETERS, json.dumps({name: value}).encode(), now_ns())
 
     # ---- end ------------------------------------------------------------------------------------
 
@@ -180,14 +179,28 @@ class Recorder:
         size = len(data) if isinstance(data, bytes) else size
         return self._writer.put(Entry(topic, self._wall_ns(at_ns), data, size))
 
+    def _show(self, topic: str, make: Callable[[Any], Any], at_ns: int, size: int = SMALL_BYTES) -> None:
+        """Record display data, where Foxglove's library is installed."""
+        display = self._display
+        if display is not None:
+            self._put(topic, lambda: make(display), at_ns, size)
+
     def _wall_ns(self, at_ns: int) -> int:
         return at_ns + self._wall_offset_ns
 
     def _log(self, record: logging.LogRecord) -> None:
-        at_ns = round(time.time() * 1e9)
-        self._writer.put(
-            Entry(foxglove_scene.LOG, at_ns, lambda: foxglove_scene.line(record, at_ns), SMALL_BYTES)
-        )
+        display, at_ns = self._display, round(time.time() * 1e9)
+        if display is not None:
+            self._writer.put(Entry(topics.LOG, at_ns, lambda: display.line(record, at_ns), SMALL_BYTES))
+
+
+def _display() -> Any:
+    """Return the converters for display, None without the extra `record`."""
+    if extras.missing("record") is not None:
+        return None
+    from companion.flight.recorder import foxglove_scene
+
+    return foxglove_scene
 
 
 class _LogHandler(logging.Handler):

@@ -11,12 +11,13 @@ from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import foxglove
-from foxglove.mcap import MCAPCompression, MCAPWriteOptions
-
+from companion.flight.recorder.plain_mcap import PlainMcap
 from companion.runtime.errors import UsageError
+
+if TYPE_CHECKING:
+    import foxglove
 
 log = logging.getLogger(__name__)
 
@@ -50,7 +51,8 @@ class McapWriter:
     path
         File to create; an existing file is never overwritten.
     channels
-        Creates the channels in a Foxglove context: topic to an object with `log(message, log_time=)`.
+        Creates the channels in a Foxglove context: topic to an object with `log(message, log_time=)`. None
+        writes without Foxglove's library, only the topics of `plain_mcap.CHANNELS`.
     most_bytes
         Greatest file size; writing also ends when less than `least_free_bytes` are free on the disk.
 
@@ -63,7 +65,7 @@ class McapWriter:
     def __init__(
         self,
         path: Path,
-        channels: Callable[[foxglove.Context], Mapping[str, Any]],
+        channels: Callable[[foxglove.Context], Mapping[str, Any]] | None,
         most_bytes: int,
         metadata: dict[str, str],
         least_free_bytes: int = LEAST_FREE_BYTES,
@@ -72,17 +74,12 @@ class McapWriter:
             raise UsageError(f"--record {path}: there is one already; name another file")
         if path.parent.is_dir() and shutil.disk_usage(path.parent).free < BEGIN_BYTES:
             raise UsageError(f"--record {path}: less than {BEGIN_BYTES // MIB} MiB are free there: make room")
-        self._context = context = foxglove.Context()  # its channels close with it
-        options = MCAPWriteOptions(
-            compression=MCAPCompression.Lz4, chunk_size=CHUNK_BYTES, compression_threads=0
-        )
         try:
-            self._writer = foxglove.open_mcap(path, context=context, writer_options=options)
+            self._writer, self._channels, self._context = _open(path, channels)
             self._writer.write_metadata("slz", metadata)
             self._file = os.open(path, os.O_RDONLY)
         except Exception as error:
             raise UsageError(f"--record {path}: {error}") from None
-        self._channels = channels(context)
         self._path = path
         self._most_bytes = most_bytes
         self._least_free_bytes = least_free_bytes
@@ -180,3 +177,19 @@ class McapWriter:
         if not self.ended:
             self.ended = why
             log.warning("recording into %s ended: %s", self._path, why)
+
+
+def _open(
+    path: Path, channels: Callable[[foxglove.Context], Mapping[str, Any]] | None
+) -> tuple[Any, Mapping[str, Any], Any]:
+    """Return the open file, its channels by topic, and the context with which the channels close."""
+    if channels is None:
+        plain = PlainMcap(path, CHUNK_BYTES)
+        return plain, plain.channels(), None
+    import foxglove
+    from foxglove.mcap import MCAPCompression, MCAPWriteOptions
+
+    context = foxglove.Context()
+    options = MCAPWriteOptions(compression=MCAPCompression.Lz4, chunk_size=CHUNK_BYTES, compression_threads=0)
+    writer = foxglove.open_mcap(path, context=context, writer_options=options)
+    return writer, channels(context), context

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 import re
 from dataclasses import dataclass
@@ -13,7 +12,6 @@ EXAMPLE = "zenoh, or zenoh:tcp/HOST:7447?domain=0"
 ROUTER = "tcp/localhost:7447"
 NO_HASH = "TypeHashNotSupported"
 _ENDPOINT = re.compile(r"(tcp|udp|tls|quic)/(\[[0-9a-fA-F:.]+\]|[\w.-]+):(\d{1,5})")
-_LIBRARIES = {"zenoh": "eclipse-zenoh", "rosbags": "rosbags", "xxhash": "xxhash"}
 MOST_DOMAIN = 232  # of DDS; Zenoh has no limit
 
 
@@ -34,7 +32,7 @@ def parse_zenoh_url(text: str) -> ZenohUrl:
     Raises
     ------
     UsageError
-        It is malformed, or a library is not installed.
+        It is malformed.
     """
     address, _, query = text.partition("?")
     kind, colon, endpoint = address.partition(":")
@@ -51,18 +49,9 @@ def parse_zenoh_url(text: str) -> ZenohUrl:
         raise UsageError(f"--ros2 {text!r}: the domain is a number from 0 to {MOST_DOMAIN}, not {domain!r}")
     if distro not in ("", "humble"):
         raise UsageError(f"--ros2 {text!r}: distro= is humble or nothing; later ones need none")
-    _require_libraries()
     return ZenohUrl(endpoint or ROUTER, int(domain), distro != "humble")
 
 
 def _is_endpoint(text: str) -> bool:
     found = _ENDPOINT.fullmatch(text)
     return found is not None and 0 < int(found[3]) < 65536
-
-
-def _require_libraries() -> None:
-    for module, package in _LIBRARIES.items():
-        try:
-            importlib.import_module(module)
-        except ImportError:
-            raise UsageError(f"--ros2 needs the library {package}: pip install 'slz[ros]'") from None

@@ -12,6 +12,12 @@ JUMP_NS = 800_000_000
 REORDERED_NS = 20_000_000
 GAP_NS = 100_000_000
 MAX_DRIFT = 200e-6
+STEP_NS = 5_000_000  # a packet so much earlier than any before it, and by more than a packet: a step
+SETTLED_NS = 2_000_000_000  # for so long no packet was earlier than expected by
+NEWS_NS = 1_000_000
+DRIFT_BLOCKS = 5, 18  # complete blocks that a drift is measured over
+SPACING = 0.05  # weight of the newest packet in the usual time from packet to packet
+CERTAIN = 0.98  # least coefficient of determination of that line
 
 Point = tuple[int, int]  # stamp, arrival - stamp
 
@@ -30,6 +36,15 @@ class SensorClock:
     ----------
     delay_ns
         Known fixed delay between measurement and arrival.
+
+    Attributes
+    ----------
+    resets
+        Number of restarts of the estimate.
+    steps
+        Number of times that the sensor's clock was set: restarts, and steps forward by 5 ms or more.
+    last_step_ns
+        Size of the newest step, positive if the clock was set forward.
     """
 
     def __init__(self, delay_ns: int = 0) -> None:
@@ -39,7 +54,27 @@ class SensorClock:
         self._last: tuple[int, int] | None = None  # stamp, arrival
         self._anchor: Point = (0, 0)
         self._drift = 0.0
+        self._moved_ns: int | None = None  # arrival of the newest packet earlier than expected
+        self._spacing_ns = 0.0
         self.resets = 0
+        self.steps = 0
+        self.last_step_ns = 0
+
+    @property
+    def drift_ppm(self) -> float | None:
+        """How much faster the sensor's clock runs, in millionths, over the last 2.5 or 9 s; None if unsure.
+
+        Packets that wait longer and longer look like a slow clock, but not for long and not in a line.
+        Where they are read at regular times, their waits can grow in a line, by less than the time from one
+        packet to the next: so much is no drift.
+        """
+        for blocks in DRIFT_BLOCKS:
+            points = list(self._least)[-blocks - 1 : -1]
+            if len(points) == blocks and points[-1][0] - points[0][0] <= blocks * 2 * BLOCK_NS:
+                slope = _slope(points)
+                if slope is not None and abs(slope) * (points[-1][0] - points[0][0]) > self._spacing_ns:
+                    return -1e6 * slope
+        return None
 
     def is_jump(self, stamp_ns: int, arrival_ns: int) -> bool:
         """Return whether only a jump of the sensor's clock can explain a packet."""
@@ -51,10 +86,15 @@ class SensorClock:
     def observe(self, stamp_ns: int, arrival_ns: int) -> None:
         """Update the estimate with the stamp of a packet's last point and the packet's arrival."""
         difference = arrival_ns - stamp_ns
-        if self.is_jump(stamp_ns, arrival_ns):
+        if self._last is not None and self.is_jump(stamp_ns, arrival_ns):
+            self._note_step((stamp_ns - self._last[0]) - (arrival_ns - self._last[1]))
             self._least.clear()
             self._last = None
+            self._moved_ns = None
             self.resets += 1
+        self._judge_earliness(stamp_ns, arrival_ns)
+        if self._last is not None and 0 < stamp_ns - self._last[0] < GAP_NS:
+            self._spacing_ns += SPACING * (stamp_ns - self._last[0] - self._spacing_ns)
         self._last = (stamp_ns if self._last is None else max(stamp_ns, self._last[0]), arrival_ns)
         if not self._least or stamp_ns - self._block_start >= BLOCK_NS:
             self._block_start = stamp_ns
@@ -80,6 +120,22 @@ class SensorClock:
             raise ValueError("no packet was observed yet")
         return self._line(stamp_ns) - self._delay_ns
 
+    def _judge_earliness(self, stamp_ns: int, arrival_ns: int) -> None:
+        """Count a step forward: a packet earlier than any before, after a time without such news."""
+        early_ns = self._line(stamp_ns) - (arrival_ns - stamp_ns) if self._least else 0
+        if self._moved_ns is None or early_ns > NEWS_NS:
+            if (
+                early_ns > max(STEP_NS, self._spacing_ns)
+                and self._moved_ns is not None
+                and arrival_ns - self._moved_ns > SETTLED_NS
+            ):
+                self._note_step(early_ns)
+            self._moved_ns = arrival_ns
+
+    def _note_step(self, step_ns: int) -> None:
+        self.steps += 1
+        self.last_step_ns = step_ns
+
     def _line(self, stamp_ns: int) -> int:
         start, offset = self._anchor
         return offset + round(self._drift * (stamp_ns - start))
@@ -96,6 +152,17 @@ class SensorClock:
             a, b = next(((a, b) for a, b in pairwise(hull) if b[0] >= middle), hull[-2:])
             self._drift = max(-MAX_DRIFT, min(MAX_DRIFT, (b[1] - a[1]) / (b[0] - a[0])))
         self._anchor = (newest, min(d + round(self._drift * (newest - s)) for s, d in points))
+
+
+def _slope(points: list[Point]) -> float | None:
+    """Return the slope of the regression line, None where the points are in no line."""
+    x = [(stamp - points[0][0]) * 1e-9 for stamp, _ in points]
+    y = [(delay - points[0][1]) * 1e-9 for _, delay in points]
+    mean_x, mean_y = sum(x) / len(x), sum(y) / len(y)
+    xx = sum((a - mean_x) ** 2 for a in x)
+    xy = sum((a - mean_x) * (b - mean_y) for a, b in zip(x, y, strict=True))
+    yy = sum((b - mean_y) ** 2 for b in y)
+    return xy / xx if xx > 0 and yy > 0 and xy * xy >= CERTAIN * xx * yy else None
 
 
 def _lower_hull(points: list[Point]) -> list[Point]:

@@ -13,6 +13,7 @@ from companion.flight.link.transport.mavlink_url import Url, parse_url
 from companion.flight.rmw.ros_session import RosSession
 from companion.flight.sensors.decoders.lightware_stream import LightwareStream
 from companion.flight.sensors.decoders.livox_session import LivoxSession
+from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
 from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.mavlink_lidar import MavlinkLidar
 from companion.flight.sensors.packet_stream import Batch, OnReturns, PacketStream
@@ -50,6 +51,10 @@ class Lidar(Protocol):
     @property
     def last_arrival_ns(self) -> int | None:
         """Arrival of the newest data, None before any."""
+
+    @property
+    def diagnosis(self) -> LidarDiagnosis | None:
+        """What is wrong with stream and clock, and why; None for a sensor that is not diagnosed."""
 
     def statistics(self) -> dict[str, int | float | None]:
         """Return counters."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 
 from companion.flight.link.link import Link
+from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
 from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.mavlink_ranges import MavlinkRanges
 from companion.flight.sensors.packet_stream import Batch, OnReturns
@@ -48,6 +49,11 @@ class MavlinkLidar:
     def last_arrival_ns(self) -> int | None:
         """Arrival of the newest ranges, None before any."""
         return self._ranges.last_arrival_ns
+
+    @property
+    def diagnosis(self) -> LidarDiagnosis | None:
+        """None: this sensor's stream is not diagnosed."""
+        return None
 
     def statistics(self) -> dict[str, int | float | None]:
         """Return counters of messages and returns, and of dropped data by reason."""

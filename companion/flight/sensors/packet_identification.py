@@ -32,6 +32,11 @@ def identify_packet(packet: bytes) -> str | None:
     return None
 
 
+def is_points(packet: bytes, kind: str) -> bool:
+    """Return whether a packet of this kind of sensor has the form of points, not of a status."""
+    return kind != "velodyne" or len(packet) == VELODYNE_BYTES
+
+
 def _is_livox(packet: bytes) -> bool:
     if len(packet) < LIVOX_HEADER_BYTES or packet[0] or int.from_bytes(packet[1:3], "little") != len(packet):
         return False

@@ -9,8 +9,10 @@ from dataclasses import asdict
 from typing import Any, Protocol, runtime_checkable
 
 from companion.flight.sensors.device_clock import SensorClock
+from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
+from companion.flight.sensors.diagnosis.packet_signs import HasSigns
 from companion.flight.sensors.imu_samples import ImuSamples
-from companion.flight.sensors.packet_identification import NAMES, identify_packet
+from companion.flight.sensors.packet_identification import NAMES, identify_packet, is_points
 from companion.flight.sensors.returns import RawReturns, Returns, join_raw
 from companion.flight.sensors.synchronised_clock import SynchronisedClock
 from companion.runtime.clock import WallOffset
@@ -20,9 +22,11 @@ from params import Parameters
 log = logging.getLogger(__name__)
 
 RATE_NS = 1_000_000_000
+PAUSE_NS = 300_000_000
 REMEMBERED = 64  # number of packets searched for a duplicate
 REMEMBERED_IMU = 16
 IMU_LATE_NS, IMU_EARLY_NS = 500_000_000, 50_000_000  # of an inertial sample against its arrival
+UNDIAGNOSED = frozenset({"ros2"})
 MOST_UNANSWERED = 100  # batches without any return whose lost rays wait for the next one
 
 OnReturns = Callable[[Returns], None]
@@ -99,6 +103,8 @@ class PacketStream:
         Event of inertial samples, mapped to the companion's clock.
     last_arrival_ns
         Arrival of the newest valid packet of points; None before any.
+    diagnosis
+        What is wrong with stream and clock, and why.
     """
 
     def __init__(
@@ -134,6 +140,8 @@ class PacketStream:
         self.batches: Event[[Batch]] = Event()
         self.on_imu: Event[[ImuSamples]] = Event()
         self.last_arrival_ns: int | None = None
+        signs = decoder.signs if isinstance(decoder, HasSigns) else None
+        self.diagnosis = LidarDiagnosis(parameters.lidar_clock, signs, self._clock, self.statistics)
 
     @property
     def kind(self) -> str:
@@ -144,6 +152,11 @@ class PacketStream:
     def metadata(self) -> str:
         """Metadata that decoding needs besides the packets."""
         return self._decoder.metadata
+
+    @property
+    def is_diagnosed(self) -> bool:
+        """Whether `diagnosis` holds: a ROS cloud's arrival and stamp depend on the driver that made it."""
+        return self.kind not in UNDIAGNOSED
 
     def __len__(self) -> int:
         """Return the number of packets waiting to be decoded."""
@@ -161,6 +174,7 @@ class PacketStream:
             return
         if stamp_ns is None:
             self._suspect(packet, host)
+            self.diagnosis.check(arrival_ns)
             return
         if not self._is_ours(host, arrival_ns):
             self._foreign += 1
@@ -176,6 +190,9 @@ class PacketStream:
         except Exception:
             self._fail([(arrival_ns, packet)])
             return
+        last_ns = self.last_arrival_ns
+        if not self._kept or last_ns is None or arrival_ns - last_ns > PAUSE_NS:
+            self.diagnosis.note_packet(stamp_ns, arrival_ns)
         self._kept.append((arrival_ns, packet))
         self.last_arrival_ns = arrival_ns
 
@@ -198,6 +215,9 @@ class PacketStream:
             self._fail([(at_ns, packet) for at_ns, packet in kept if not self._is_imu(packet)])
             return
         self._decoded_ns = newest_ns
+        self.diagnosis.add_returns(raw)
+        if newest_ns is not None:
+            self.diagnosis.check(newest_ns)
         if not len(raw):
             if len(raw.lost_ns):  # as over water: they go with the next batch that has a return
                 self._unanswered.append(raw)
@@ -279,7 +299,10 @@ class PacketStream:
     def _suspect(self, packet: bytes, host: str) -> None:
         """Log once that another maker's sensor sends to this port."""
         found = identify_packet(packet)
-        if found is None or found == self.kind:
+        if found is None:
+            return
+        if found == self.kind:
+            self._suspect_own(packet)
             return
         if not self._wrong_sensor:
             log.error(
@@ -287,6 +310,11 @@ class PacketStream:
                 *(host, NAMES[found], NAMES.get(self.kind, self.kind), found),
             )
         self._wrong_sensor += 1
+
+    def _suspect_own(self, packet: bytes) -> None:
+        """Tell the diagnosis of points of this maker that the decoder cannot use."""
+        if not self._is_imu(packet) and is_points(packet, self.kind):
+            self.diagnosis.note_unfit()
 
 
 class _Rate:

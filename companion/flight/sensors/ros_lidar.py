@@ -11,6 +11,7 @@ from companion.flight.rmw.qos import SENSOR_DATA
 from companion.flight.rmw.ros_session import RosSession
 from companion.flight.rmw.ros_topic import Topic
 from companion.flight.sensors.decoders.ros_cloud_decoder import CLOUD
+from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
 from companion.flight.sensors.packet_stream import PacketStream
 
 
@@ -40,6 +41,11 @@ class RosLidar:
     def last_arrival_ns(self) -> int | None:
         """Arrival of the newest valid cloud, None before any."""
         return self.stream.last_arrival_ns
+
+    @property
+    def diagnosis(self) -> LidarDiagnosis | None:
+        """None: this sensor's stream is not diagnosed."""
+        return None
 
     def statistics(self) -> dict[str, int | float | None]:
         """Return counters of clouds and returns, and of dropped data by reason."""

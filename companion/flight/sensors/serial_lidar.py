@@ -8,6 +8,7 @@ from companion.flight.link.transport.mavlink_url import Url
 from companion.flight.link.transport.reconnecting import Transport
 from companion.flight.sensors.decoders.lightware_protocol import requests
 from companion.flight.sensors.decoders.lightware_stream import LightwareStream
+from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
 from companion.runtime.clock import now_ns
 from companion.runtime.errors import CompanionError
 
@@ -36,6 +37,11 @@ class SerialLidar:
     def last_arrival_ns(self) -> int | None:
         """Arrival of the newest reading, None before any."""
         return self.stream.last_arrival_ns
+
+    @property
+    def diagnosis(self) -> LidarDiagnosis | None:
+        """None: this sensor's stream is not diagnosed."""
+        return None
 
     def statistics(self) -> dict[str, int | float | None]:
         """Return counters of readings and returns, and of dropped data by reason."""

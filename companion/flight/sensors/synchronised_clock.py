@@ -49,6 +49,21 @@ class SynchronisedClock:
         """Number of jumps of the sensor's time."""
         return self._free.resets
 
+    @property
+    def steps(self) -> int:
+        """Number of times that the sensor's clock was set."""
+        return self._free.steps
+
+    @property
+    def last_step_ns(self) -> int:
+        """Size of the newest step, positive if the clock was set forward."""
+        return self._free.last_step_ns
+
+    @property
+    def drift_ppm(self) -> float | None:
+        """How much faster the sensor's clock runs, in millionths; None if unsure."""
+        return self._free.drift_ppm
+
     def is_jump(self, stamp_ns: int, arrival_ns: int) -> bool:
         """Return whether only a jump of the sensor's clock can explain a packet."""
         return self._free.is_jump(stamp_ns, arrival_ns)

@@ -10,6 +10,9 @@ import socket
 from typing import Any
 
 from companion.flight.sensors.decoders.livox_session import LivoxSession
+from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
+from companion.flight.sensors.diagnosis.receive_queue import dropped_packets
+from companion.flight.sensors.diagnosis.sensor_surroundings import Surroundings, is_present
 from companion.flight.sensors.packet_stream import PacketStream
 from companion.runtime.clock import now_ns
 from companion.runtime.errors import CompanionError, UsageError
@@ -18,6 +21,7 @@ log = logging.getLogger(__name__)
 
 BATCH_S = 0.01
 BATCH_PACKETS = 64
+LOOK_S = 0.25
 RECEIVE_BUFFER = 8 << 20
 BIND_ERRORS = {
     errno.EADDRINUSE: "the port is in use",
@@ -50,6 +54,12 @@ class UdpLidar(asyncio.DatagramProtocol):
         self.stream = stream
         self.on_imu = stream.on_imu
         self.session: LivoxSession | None = None
+        stream.diagnosis.surroundings = self._surroundings
+
+    @property
+    def diagnosis(self) -> LidarDiagnosis:
+        """What is wrong with stream and clock, and why."""
+        return self.stream.diagnosis
 
     @property
     def last_arrival_ns(self) -> int | None:
@@ -74,9 +84,11 @@ class UdpLidar(asyncio.DatagramProtocol):
         self._failure = loop.create_future()
         transport, _ = await loop.create_datagram_endpoint(lambda: self, sock=self._bound(self._address))
         inertial = await self._listen_for_imu()
+        looks = asyncio.create_task(self._look(), name="lidar diagnosis")
         try:
             await self._until_failed(self._failure)
         finally:
+            looks.cancel()
             transport.close()
             if inertial is not None:
                 inertial.close()
@@ -94,6 +106,12 @@ class UdpLidar(asyncio.DatagramProtocol):
         loop = asyncio.get_running_loop()
         transport, _ = await loop.create_datagram_endpoint(lambda: _ImuPort(self), sock=sock)
         return transport
+
+    async def _look(self) -> None:
+        """Let the diagnosis look, also while nothing comes."""
+        while True:
+            self.diagnosis.check(now_ns())
+            await asyncio.sleep(LOOK_S)
 
     async def _until_failed(self, failure: asyncio.Future[None]) -> None:
         """Wait for a failure, and meanwhile keep the sensor sending."""
@@ -122,6 +140,14 @@ class UdpLidar(asyncio.DatagramProtocol):
             why = BIND_ERRORS.get(error.errno or 0) or str(error.strerror or error)
             raise UsageError(f"LiDAR {self.stream.kind}:{host}:{port}: {why}") from None
         return sock
+
+    def _surroundings(self) -> Surroundings:
+        """Return what is known of the sensor beside its packets."""
+        dropped = dropped_packets(self._address[1])
+        if self.session is None:
+            return Surroundings(dropped=dropped)
+        present = is_present(self.session.address)
+        return Surroundings(self.session.answers, self.session.refused, present, dropped)
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
         """Store a packet for the next batch."""

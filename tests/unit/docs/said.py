@@ -14,7 +14,9 @@ SOURCES = (
     "companion/flight/map_frame.py",
     "companion/flight/mode_requests.py",
     "companion/flight/report_feed.py",
+    "companion/flight/outputs/lidar_announcer.py",
     "companion/flight/outputs/wire_announcer.py",
+    "companion/flight/sensors/diagnosis/explanation.py",
     "companion/flight/command_execution.py",
     "companion/flight/situation_source.py",
     "companion/flight/landing/operator_order.py",
@@ -54,6 +56,7 @@ SOURCES = (
 SAYS = {
     "Reply": 1,
     "Change": 1,
+    "Explanation": 0,
     "BrokenInvariantError": 0,
     "say": 1,
     "_say": 1,

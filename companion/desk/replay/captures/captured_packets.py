@@ -64,6 +64,7 @@ class CapturedPackets:
         decoder = decoder_for(self._kind_told, self._metadata)
         stream = self._stream = PacketStream(decoder, rerun.parameters, rerun.add_returns, lambda: 0)
         stream.on_imu.subscribe(rerun.on_imu.emit)
+        rerun.diagnosis = stream.diagnosis
         see = _BatchDecoder(stream)
         at_ns = 0
         for datagram in self._capture.datagrams():

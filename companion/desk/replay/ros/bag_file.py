@@ -10,6 +10,7 @@ from typing import Any
 
 from companion.desk.replay.ros import livox_message
 from companion.flight.sensors.decoders.point_cloud import StampedCloud, table_of
+from companion.runtime import extras
 from companion.runtime.errors import UsageError
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
@@ -88,9 +89,7 @@ class BagFile:
         try:
             from rosbags import rosbag1, rosbag2
         except ImportError:
-            raise UsageError(
-                f"{self._path}: a ROS bag needs the library rosbags: pip install 'slz[ros]'"
-            ) from None
+            raise UsageError(extras.explain(f"{self._path} is a ROS bag", "rosbags", "ros")) from None
         try:
             reader: Any = rosbag2.Reader(self._path) if self._ros2 else rosbag1.Reader(self._path)
             reader.open()

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import Any, Protocol, TypeVar
 
+from companion.runtime import extras
 from companion.runtime.allocator import ENVIRONMENT
 from companion.runtime.errors import CompanionError, UsageError
 
@@ -116,7 +117,7 @@ def engine(scheduler: str | None, workers: int | None) -> Iterator[Engine]:
         import dask
         import distributed
     except ImportError:
-        raise UsageError("--workers and --scheduler need Dask: pip install 'slz[survey]'") from None
+        raise UsageError(extras.explain("--workers or --scheduler", "dask", "survey")) from None
     logging.getLogger("distributed").setLevel(logging.WARNING)  # the import sets a level of its own
     settings = {
         "distributed.scheduler.allowed-failures": MOST_DEATHS,

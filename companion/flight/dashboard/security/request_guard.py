@@ -16,7 +16,8 @@ from companion.flight.dashboard.security.token_check import TokenCheck
 log = logging.getLogger(__name__)
 
 ROLE = "slz_role"
-OPEN = frozenset({"/login", "/static/login.js", "/static/style.css"})  # paths without a token
+# Paths without a token; the last one tells name and version.
+OPEN = frozenset({"/login", "/static/login.js", "/static/style.css", "/register_service"})
 MOST_BODY_BYTES = 1024
 WAIT = "too many wrong tokens came from this address: wait some seconds and try again"
 SAFE_METHODS = frozenset({"GET", "HEAD"})

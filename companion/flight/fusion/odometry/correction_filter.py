@@ -22,6 +22,7 @@ RATE_MS, RATE_S = 0.05, 5.0
 OBSERVED_M, STILL_OBSERVED_M = 0.08, 0.16
 SURE_RAD = np.radians(0.3)
 FEWEST_STEEP = 40  # points at steep planes and near steps, below which they may be those of a bush
+MOST_STEEP = 160  # that count of a scan: the last ones are forgotten within a second and a half
 SURE_UP_M = 0.02
 # The last scans together say which axes are determined: a Livox looks in another direction with each.
 SCANS = 10.0
@@ -92,7 +93,7 @@ class CorrectionFilter:
         self.covariance = rest @ covariance @ rest + unknown @ covariance @ unknown
         self._was_unknown = self._unknown
         self._usual += (left - self._usual) / SCANS
-        self._usual_steep += (steep - self._usual_steep) / SCANS
+        self._usual_steep += (min(steep, MOST_STEEP) - self._usual_steep) / SCANS
         return np.asarray(rates)
 
     def known_rates(self, rates: Floats) -> Floats:
@@ -110,7 +111,7 @@ class CorrectionFilter:
         yaw = usual[YAW, YAW] + 1 / self.covariance[YAW, YAW]
         flat = usual[3:5, 3:5] - np.outer(usual[3:5, YAW], usual[3:5, YAW]) / yaw
         values, axes = np.linalg.eigh(flat)
-        many = self._usual_steep + (steep - self._usual_steep) / SCANS >= FEWEST_STEEP
+        many = self._usual_steep + (min(steep, MOST_STEEP) - self._usual_steep) / SCANS >= FEWEST_STEEP
         was_known = 1 - np.einsum("ik,ij,jk->k", axes, self._was_unknown, axes) > 0.5
         least_m = np.where(was_known, STILL_OBSERVED_M, OBSERVED_M)
         weak = axes[:, values < 1 / least_m**2] if many else axes

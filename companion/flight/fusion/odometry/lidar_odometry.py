@@ -16,7 +16,7 @@ from companion.flight.fusion.odometry.map_uncertainty import SHARED_M, MapUncert
 from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
 from companion.flight.fusion.odometry.registration_kernel import normal_equations
 from companion.flight.fusion.odometry.step_map import StepMap
-from companion.flight.fusion.odometry.surfel_map import SIZES_M, SurfelMap
+from companion.flight.fusion.odometry.surfel_map import HOLD_NS, SIZES_M, SurfelMap
 from companion.flight.fusion.pose_history import PoseHistory
 from slz import Scan
 
@@ -25,7 +25,6 @@ PERIOD_NS = 95_000_000  # of an update: 10 Hz of scans of 50 ms
 GAP_NS = 2_000_000_000  # without scans, after which the map begins anew
 MOST_POINTS = 24_000  # of an update, spread evenly over the scans
 FEWEST_POINTS = 300
-OLD_NS = 5_000_000_000
 SIGMAS_M, GATE_M = (0.15, 0.07, 0.05, 0.05), 0.4  # of the rounds
 # Points of a scan share errors, of pose and plane: so many count as one independent point.
 SHARED = 10.0
@@ -38,6 +37,8 @@ LOST_NS = 1_000_000_000  # without an axis, until it no longer counts as observe
 UNSURE_M, UNSURE_RAD = 0.5, np.radians(2.0)  # of an axis that is not observed, beside the filter's covariance
 VELOCITY_MS = 0.03  # standard deviation of a velocity beside its drift
 FRESH_NS = 500_000_000
+# Since the place was told, for which an autopilot's dead reckoning holds a landing: 0.15 m off.
+BRIDGE_NS = 3_000_000_000
 DRIFT_NS, DRIFT_STEP_NS = 10_000_000_000, 500_000_000
 NEVER_NS = -(10**18)
 STUCK = 20  # updates refused in a row, after which the map begins anew
@@ -97,10 +98,17 @@ class LidarOdometry:
             step = -(-len(points) // MOST_POINTS)
             self._update(np.ascontiguousarray(points[::step]), scan.sensor_enu_m, newest_ns)
 
-    def is_tracking(self, now_ns: int) -> bool:
+    def tells_place(self, now_ns: int) -> bool:
         """Tell whether scans and map tell position and tilt now."""
         estimate = self.estimate
         return estimate is not None and estimate.is_healthy and now_ns - estimate.stamp_ns < FRESH_NS
+
+    def is_tracking(self, now_ns: int) -> bool:
+        """Tell whether scans and map tell height and tilt now, and told the place within three seconds."""
+        estimate = self.estimate
+        if estimate is None or now_ns - estimate.stamp_ns >= FRESH_NS or not estimate.observed[2:5].all():
+            return False
+        return now_ns - int(self._seen_ns[3:5].min()) < BRIDGE_NS
 
     @property
     def gps_drift_m(self) -> float:
@@ -206,7 +214,7 @@ class LidarOdometry:
                 surfels.first_ns,
                 surfels.counts,
                 surfels.planes,
-                OLD_NS,
+                HOLD_NS,
                 sigma_m,
                 GATE_M,
                 placed,

@@ -20,9 +20,9 @@ from companion.flight.fusion.odometry.step_kernels import (
     insert,
     misfits,
 )
+from companion.flight.fusion.odometry.surfel_map import HOLD_NS
 
 Floats = NDArray[np.float64]
-HOLD_NS = 5_000_000_000
 FEWEST = 30  # returns near steps
 # Share of the returns that fit no cell even where most do: things that moved, leaves, mixed returns. Where it
 # is greater, scan and map are of different places.

@@ -23,6 +23,7 @@ import numpy as np
 from companion.flight.sensors.decoders import livox_imu
 from companion.flight.sensors.decoders.livox_points import decode_points
 from companion.flight.sensors.decoders.livox_scan_pattern import ScanPattern
+from companion.flight.sensors.diagnosis.packet_signs import PacketSigns
 from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.returns import RawReturns, thinning
 
@@ -36,6 +37,7 @@ REORDERED = 64  # a packet at most this much behind the newest is late; one fart
 MOST_NS = 2**62
 THINNING = thinning(200_000)
 TOGETHER = 64  # packets joined for one call, to fit the processor's cache
+CLOCKS = ("free", "ptp", "gps")  # by time_type
 WHITE = 150.0  # reflectivity of a target that scatters all light; more is retro-reflective
 
 
@@ -68,6 +70,7 @@ class LivoxDecoder:
     metadata: ClassVar[str] = ""
 
     counters: LivoxCounters = field(default_factory=LivoxCounters)
+    signs: PacketSigns = field(default_factory=PacketSigns)
     _packets: list[bytes] = field(default_factory=list)
     _points: int = 0  # in `_packets`
     _next_count: int = 0  # expected number of the next packet
@@ -145,7 +148,11 @@ class LivoxDecoder:
         else:
             self._count_lost(header[4])
         self._packets.append(packet)
-        self._points += header[3]
+        points = header[3]
+        self._points += points
+        self.signs.covered_ns += header[2] * 100 * points // (points - 1 or 1)
+        clock = header[7]
+        self.signs.clock = CLOCKS[clock] if clock < len(CLOCKS) else ""
 
     def drain(self) -> RawReturns:
         """Decode the stored packets; points of low confidence are dropped and counted.

@@ -96,6 +96,8 @@ class LivoxControl:
     ----------
     refused
         Description of a refused parameter, empty without one.
+    answered
+        Whether the newest request but one that is still under way was answered.
     """
 
     def __init__(self, host: str, port: int, imu_port: int | None = None) -> None:
@@ -113,7 +115,7 @@ class LivoxControl:
         self._sent = 0
         self._sequence: int | None = None
         self._asked_ns: int | None = None
-        self._answered = False
+        self._answered = self.answered = False
         self._imu_tries_left = 0
         self._imu_asked_ns: int | None = None
         self._imu_sequence: int | None = None
@@ -125,6 +127,8 @@ class LivoxControl:
         if self._answered and not silent:
             return self._imu_due(now_ns)
         pause_ns = SILENT_NS if self._answered else RETRY_NS
+        if self._asked_ns is not None and not self._answered and now_ns - self._asked_ns >= RETRY_NS:
+            self.answered = False  # the newest request stays unanswered
         if self._asked_ns is not None and now_ns - self._asked_ns < pause_ns:
             return None
         self._asked_ns, self._answered = now_ns, False
@@ -141,6 +145,7 @@ class LivoxControl:
             self._imu_tries_left = 0
         elif frame.sequence == self._sequence:
             self._answered, self._imu_tries_left = True, IMU_TRIES
+            self.answered = True
         else:
             return False
         code = frame.data[0] if frame.data else 0

@@ -46,6 +46,21 @@ class LivoxSession(asyncio.DatagramProtocol):
         self._control: LivoxControl | None = None
         self._heard = False
 
+    @property
+    def address(self) -> str:
+        """The sensor's address."""
+        return self._sensor[0]
+
+    @property
+    def answers(self) -> bool:
+        """Whether the sensor has answered the newest request, and accepted it."""
+        return self._control is not None and self._control.answered and not self._control.refused
+
+    @property
+    def refused(self) -> str:
+        """Why the sensor refused the newest request, empty if it did not."""
+        return "" if self._control is None else self._control.refused
+
     async def run(self) -> None:
         """Send requests until the sensor samples, and whenever it stops, until cancelled.
 

@@ -20,12 +20,13 @@ from numpy.typing import NDArray
 
 from companion.flight.sensors.decoders.ouster_imu import OusterImu
 from companion.flight.sensors.decoders.ouster_points import place_pixels
+from companion.flight.sensors.diagnosis.packet_signs import PacketSigns
 from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.returns import RawReturns, nothing, thinning
+from companion.runtime import extras
 from companion.runtime.errors import UsageError
 
 READER = "LiDAR ouster: reads packets with ouster-sdk, which"
-INSTALL = f"{READER} is not installed: pip install 'slz[ouster]'"
 LEGACY = "LEGACY"
 LIDAR_TYPE = 1
 MOST_FPS = 20
@@ -35,6 +36,7 @@ MOST_ROWS, MOST_COLUMNS = 512, 16_384  # limits of a frame; the largest sensors 
 MOST_M = 10.0  # limit for a point at 1 m
 PAUSE_FRAMES = 10  # a longer gap means a sensor that was off, not lost packets
 Bytes = NDArray[np.uint8]
+NEAR_M = 0.35  # below the least range of the data sheet: the window
 WHITE = 100.0  # calibrated reflectivity of a target that scatters all light; more is retro-reflective
 
 
@@ -71,7 +73,7 @@ class _Format:
         try:
             sdk = import_module("ouster.sdk.core")
         except ModuleNotFoundError:
-            raise UsageError(INSTALL) from None
+            raise UsageError(extras.explain("LiDAR ouster", "ouster-sdk", "ouster")) from None
         except ImportError as error:  # a missing system library that the package needs, such as OpenGL's
             library = str(error).partition(":")[0]
             hint = " (Debian: sudo apt install libgl1)" if library.startswith("libGL.") else ""
@@ -107,6 +109,10 @@ class _Format:
         slots = dict.fromkeys(window % self.frame_columns // columns)
         self._slots = {int(n): i for i, n in enumerate(slots)}
         self._columns = columns
+        self.packet_ns = columns * 1_000_000_000 // (self.frame_columns * (int(info.format.fps) or MOST_FPS))
+        self.azimuth_deg = 360.0 * first / self.frame_columns, 360.0 * columns / self.frame_columns
+        config = info.config
+        self.destination = str(config.udp_dest or "") if config is not None else ""
 
     def columns(self, data: Bytes) -> _Columns | None:
         """Return a packet's columns, None if a sensor with this metadata cannot have sent them."""
@@ -179,11 +185,19 @@ class OusterDecoder:
     metadata: str
     counters: OusterCounters = field(default_factory=OusterCounters)
     _packets: list[bytes] = field(default_factory=list)
+    signs: PacketSigns = field(init=False)
     _format: _Format = field(init=False)
     _newest: int | None = None
 
     def __post_init__(self) -> None:
-        self._format = _format_of(self.metadata)
+        form = self._format = _format_of(self.metadata)
+        self.signs = PacketSigns(
+            azimuth_packets=[0] * form.frame_packets,
+            azimuth_deg=form.azimuth_deg,
+            lines=form.rows,
+            near_m=NEAR_M,
+            destination=form.destination,
+        )
 
     def __len__(self) -> int:
         """Return the number of packets stored and not decoded yet."""
@@ -224,7 +238,11 @@ class OusterDecoder:
     def add_packet(self, packet: bytes) -> None:
         """Store a packet accepted by `check`."""
         self.counters.packets += 1
-        self._count_lost(self._format.place(np.frombuffer(packet, np.uint8)))
+        place = self._format.place(np.frombuffer(packet, np.uint8))
+        if place is not None:
+            self.signs.azimuth_packets[place % self._format.frame_packets] += 1
+        self.signs.covered_ns += self._format.packet_ns
+        self._count_lost(place)
         self._packets.append(packet)
 
     def drain(self) -> RawReturns:

@@ -33,6 +33,7 @@ from companion.flight.sensors.decoders.velodyne_points import (
     TICKS,
     place_rays,
 )
+from companion.flight.sensors.diagnosis.packet_signs import PacketSigns
 from companion.flight.sensors.returns import RawReturns, nothing
 
 PACKET_BYTES = 1206
@@ -50,6 +51,10 @@ LAST_LASER_NS = 15 * TICK_NS
 PAUSE_NS = 1_000_000_000  # a longer gap means a sensor that was off, not lost packets
 LATE_NS = 20_000_000
 LEAST_THINNING = int(THINNING.min())
+SECTORS = 36
+NEAR_M = 0.45  # below the least range of the data sheet: the window
+PULSE_AT, NMEA_AT = 202, 206  # in a position packet
+PULSES = {0: "no PPS", 1: "PPS not locked", 3: "PPS faulty"}
 WHITE = 100.0  # calibrated reflectivity of a target that scatters all light; more is retro-reflective
 
 
@@ -65,6 +70,10 @@ class VelodyneCounters:
     no_return: int = 0
 
 
+def _signs() -> PacketSigns:
+    return PacketSigns(azimuth_packets=[0] * SECTORS, lines=PLACES, near_m=NEAR_M)
+
+
 @dataclass(slots=True)
 class VelodyneDecoder:
     """Decoder that stores packets and decodes them together; malformed ones are counted, never raised."""
@@ -73,6 +82,7 @@ class VelodyneDecoder:
     metadata: ClassVar[str] = ""
 
     counters: VelodyneCounters = field(default_factory=VelodyneCounters)
+    signs: PacketSigns = field(default_factory=_signs)
     _packets: list[bytes] = field(default_factory=list)
     _stamps_ns: list[int] = field(default_factory=list)
     _newest_ns: int | None = None
@@ -88,6 +98,7 @@ class VelodyneDecoder:
         """
         if len(packet) in POSITION_BYTES:
             self.counters.position += 1
+            self.signs.clock, self.signs.pulse = _position(packet[-512:])
             return None
         if not _is_sound(packet):
             self.counters.malformed += 1
@@ -96,9 +107,11 @@ class VelodyneDecoder:
 
     def add_packet(self, packet: bytes) -> None:
         """Store a packet accepted by `check`."""
-        stamp_ns = self._stamp_ns(packet)
+        stamp_ns, duration_ns = self._stamp_ns(packet), _duration_ns(packet)
         self.counters.packets += 1
-        self._count_lost(stamp_ns, _duration_ns(packet))
+        self.signs.covered_ns += duration_ns
+        self.signs.azimuth_packets[int.from_bytes(packet[2:4], "little") * SECTORS // CIRCLE] += 1
+        self._count_lost(stamp_ns, duration_ns)
         self._packets.append(packet)
         self._stamps_ns.append(stamp_ns)
 
@@ -155,6 +168,18 @@ class VelodyneDecoder:
         if 0 < ahead_ns < PAUSE_NS:
             self.counters.lost_packets += max(0, round(ahead_ns / duration_ns) - 1)
         self._newest_ns = stamp_ns
+
+
+def _position(payload: bytes) -> tuple[str, str]:
+    """Return the source of the stamps by a position packet, and what is wrong with the receiver's signals."""
+    sentence = payload[NMEA_AT:].split(b"\r", 1)[0].split(b"\0", 1)[0].decode("ascii", "replace")
+    parts = sentence.split(",")
+    fault = PULSES.get(payload[PULSE_AT], "")
+    if not fault and not parts[0].endswith("RMC"):
+        fault = "no GPRMC"
+    elif not fault and (len(parts) < 3 or parts[2] != "A"):
+        fault = "GPRMC not valid"
+    return "free" if fault else "gps", fault
 
 
 def _is_sound(packet: bytes) -> bool:

@@ -22,6 +22,7 @@ from companion.desk.figures import flight_figures
 from companion.flight.dashboard.page import PageEndpoint
 from companion.runtime.event import Event
 from params import Parameters
+from tests import REPOSITORY
 from tests.ports import free_port
 from tests.unit.companion.desk.replay import flights
 from tests.unit.companion.desk.survey.clouds import field, placed, write
@@ -313,6 +314,23 @@ def test_params_are_listed_whole_in_a_pipe(capfd: Capture) -> None:
         (line,) = (line for line in listed.splitlines() if line.startswith(f"│ {row.name} "))
         assert row.mavlink in line
         assert row.sentence in line
+
+
+@pytest.mark.parametrize(
+    "file", sorted((REPOSITORY / "params" / "autopilot").iterdir()), ids=lambda f: f.stem
+)
+def test_params_prints_the_files_of_the_autopilot(file: Path, capfd: Capture) -> None:
+    assert file.name in params.AUTOPILOT_FILES
+    assert ended("params", "--autopilot", file.stem) == 0
+    assert capfd.readouterr().out == file.read_text("utf-8")
+    assert ended("params", "--autopilot", file.name, "--json") == 0
+    assert json.loads(capfd.readouterr().out) == {"file": file.name, "text": file.read_text("utf-8")}
+
+
+def test_params_names_the_files_of_the_autopilot(capfd: Capture) -> None:
+    assert ended("params", "--autopilot", "ardupilot") == 2
+    there = "arducopter, arducopter_odometry, px4, px4_odometry, px4_sih"
+    assert capfd.readouterr() == ("", f"slz: no parameter file 'ardupilot': there are {there}\n")
 
 
 # ---- what a command prints ------------------------------------------------------------------------

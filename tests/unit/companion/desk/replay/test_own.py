@@ -68,6 +68,7 @@ def test_a_flight_run_again_gives_the_same_zones_to_the_last_bit(path: Path) -> 
     summary = again(path, step=lambda _at_s, text: told.append(text))
     assert summary["windows"] == summary["identical"] == len(windows()) == len(told) >= 3
     assert (summary["different"], summary["first_different_ns"], summary["without_scans"]) == (0, None, 0)
+    assert (summary["lidar_faults"], summary["warnings"]) == ([], [])
     assert summary["zones"]
     assert summary["files"] == {}
 
@@ -209,3 +210,12 @@ def test_what_the_recorder_lost_is_added_up() -> None:
     for lost in (3, 4):
         replay.process_message(Raw(journal.GAP, 0, b'{"lost": %d}' % lost))
     assert replay.outcome.lost == 7
+
+
+def test_a_pause_of_the_lidar_is_named_with_its_remedy(tmp_path: Path) -> None:
+    begin_ns = flight()[0].at_ns
+    silent = [m for m in flight() if m.topic != journal.LIDAR or not 3.0 < (m.at_ns - begin_ns) * 1e-9 < 4.2]
+    summary = again(write_own(tmp_path / "paused.mcap", silent))
+    (fault,) = summary["lidar_faults"]
+    assert (fault["cause"], fault["text"]) == ("pauses", "LiDAR paused for 1.2 s")
+    assert f"LiDAR: {fault['line']}" in summary["warnings"]

@@ -118,3 +118,9 @@ def test_an_operator_s_order_is_not_carried_out_again(monkeypatch: pytest.Monkey
     assert asked == []
     assert replay.vehicle is before
     assert (replay.outcome.bad, replay.outcome.windows) == (0, 0)
+
+
+@pytest.mark.parametrize(("kind", "diagnosed"), [("livox", True), ("ros2", False), ("mavlink", False)])
+def test_packets_of_a_sensor_are_diagnosed_and_clouds_of_a_driver_are_not(kind: str, diagnosed: bool) -> None:
+    sensors = RecordedSensors(Header(kind, HEADER.values, 0), Parameters(), lambda _returns: None)
+    assert (sensors.diagnosis is not None) is diagnosed

@@ -15,6 +15,7 @@ QUIET: dict[str, Any] = {
     "mode": "GUIDED",
     "lidar_ok": True,
     "blind": "LiDAR lost",
+    "lidar_faults": [],
     "failsafe": False,
     "estimate_lost": "",
     "east_m": 0.0,
@@ -100,3 +101,12 @@ def test_an_autopilot_that_is_not_set_up_is_named_by_its_worst_parameter() -> No
     )
     assert alarm["level"] == "warning"
     assert alarm["text"] == "Autopilot not set up: A is 0, needs 5 and 2 more: see slz doctor"
+
+
+def test_each_fault_of_the_lidar_is_an_alarm_with_its_whole_sentence() -> None:
+    faults = [{"cause": "dirty", "line": "dirt: clean it"}, {"cause": "step", "line": "it was set: do not"}]
+    alarms = active_alarms(QUIET | {"lidar_faults": faults}, None)
+    assert [(a["level"], a["key"], a["text"]) for a in alarms] == [
+        ("warning", "lidar-dirty", "dirt: clean it"),
+        ("warning", "lidar-step", "it was set: do not"),
+    ]

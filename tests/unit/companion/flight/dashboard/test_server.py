@@ -7,6 +7,7 @@ import socket
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -29,6 +30,9 @@ from tests.unit.companion.flight.landing.flight import Flight, zone
 OPERATOR, VIEWER = "o" * 20, "v" * 20
 PLACE = {"north_m": 0.0, "up_m": 20.0, "height_m": 20.0}
 STATE = {**QUIET, **PLACE, "phase": "idle", "mode": "GUIDED", "battery_pct": 80.0}
+# BlueOS, core/services/helper/main.py, ServiceMetadata.
+FIELDS_OF_BLUEOS = ("name", "description", "icon", "company", "version", "webpage", "api")
+OPTIONS_OF_BLUEOS = ("new_page", "avoid_iframes", "works_in_relative_paths")
 
 
 class Clerk:
@@ -282,6 +286,20 @@ async def test_without_the_token_nothing_is_served(tokens: Path, token: str) -> 
         assert (await s.http("/map/near/1/0/0/0", **bearer))[0] == 401
         assert (await s.http("/", **bearer))[0] == 303
         assert (await s.http("/login"))[0] == 200
+
+
+async def test_blueos_finds_the_page_without_a_token(tokens: Path) -> None:
+    async with served(tokens) as s:
+        status, document = await s.http("/register_service", Accept="application/json")
+        assert status == 200
+        assert "content-type: application/json" in s.head
+        found = json.loads(document)
+        assert set(FIELDS_OF_BLUEOS) <= set(found) <= set(FIELDS_OF_BLUEOS) | set(OPTIONS_OF_BLUEOS)
+        assert {name: type(found[name]) for name in FIELDS_OF_BLUEOS} == dict.fromkeys(FIELDS_OF_BLUEOS, str)
+        assert found["version"] == version("slz")
+        assert found["avoid_iframes"]  # the page refuses frames
+        assert not found["works_in_relative_paths"]
+        assert (await s.http("/register_service", "POST"))[0] == 403  # of no origin
 
 
 async def test_a_token_is_kept_as_a_cookie_that_no_script_reads(tokens: Path) -> None:

@@ -11,7 +11,10 @@ from companion.flight.app import Companion
 from companion.flight.dashboard import state_document
 from companion.flight.fusion.wind_estimate import WindEstimate
 from companion.flight.geometry.wind import Wind
+from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.mapping.point_watch import PointWatch
+from companion.flight.sensors.diagnosis import explanation
+from companion.flight.sensors.diagnosis.lidar_diagnosis import Episode, LidarDiagnosis
 from slz import MovingObject, Nearby, Wire
 from slz.wires.sagging_curve import SaggingCurve
 from tests.integration.link_bench import on_simulated_clock
@@ -31,6 +34,22 @@ async def test_the_wind_is_shown_by_where_it_comes_from_and_unknown_is_none(
     finally:
         companion.worker.close()
     assert shown == {"from_deg": 0, "speed_ms": 6.0, "gust_ms": 9.3, "source": "tilt"}
+
+
+@on_simulated_clock
+async def test_what_is_wrong_with_the_lidar_is_shown_with_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    companion = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
+    why = explanation.missing_sector(10.0, 80.0)
+    try:
+        assert state_document.state(companion)["lidar_faults"] == []
+        monkeypatch.setattr(LidarDiagnosis, "active", [Episode("missing_sector", why, 0)])
+        shown = state_document.state(companion)["lidar_faults"]
+        replayed = state_document.replayed(companion.history, VehicleState(), 0, companion.lidar.diagnosis)
+    finally:
+        companion.worker.close()
+    assert shown == replayed["lidar_faults"] == [{"cause": "missing_sector", "line": why.line}]
+    assert why.remedy in shown[0]["line"]
+    assert state_document.lidar_faults(None) == []
 
 
 @on_simulated_clock

@@ -24,6 +24,8 @@ from companion.flight.link.link_statistics import LinkStatistics
 from companion.flight.link.message_rates import expected, wanted
 from companion.flight.link.parameter_reader import RETRY_NS, TRIES, ParameterReader
 from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.sensors.diagnosis import explanation
+from companion.flight.sensors.diagnosis.lidar_diagnosis import Episode
 from params import build, load, required
 from params.required import parse
 
@@ -249,6 +251,26 @@ def test_a_silent_lidar_fails(counts: dict[str, int], said: str) -> None:
     (finding,) = lidar_findings("livox:x", 10.0, 0, counts)
     assert finding.state == "fail"
     assert said in finding.remedy
+
+
+def test_a_silent_lidar_fails_by_its_cause_with_its_remedy() -> None:
+    episodes = [Episode("silent", explanation.silent(3.0), 0), Episode("firewall", explanation.firewall(), 1)]
+    (finding,) = lidar_findings("livox:x", 10.0, 0, {}, episodes)
+    assert (finding.check, finding.state) == ("LiDAR packets", "fail")
+    assert finding.found.startswith("none at livox:x: the LiDAR answers commands")
+    assert "ufw allow" in finding.remedy
+
+
+def test_each_cause_is_found_once_the_latest_of_its_kind_with_its_remedy() -> None:
+    told = [explanation.pauses(0.5), explanation.muted(), explanation.pauses(2.0)]
+    episodes = [
+        Episode(cause, why, 0) for cause, why in zip(("pauses", "muted", "pauses"), told, strict=True)
+    ]
+    findings = [f for f in lidar_findings("livox:x", 10.0, 20_000, COUNTS, episodes) if f.check == "LiDAR"]
+    assert [(f.state, f.found, f.remedy) for f in findings] == [
+        ("warn", "the LiDAR sent nothing for 2.0 s", told[2].remedy),
+        ("fail", told[1].sentence, told[1].remedy),
+    ]
 
 
 def test_a_sensor_s_time_is_judged_where_it_has_one_to_follow() -> None:

@@ -15,7 +15,7 @@ import params
 from companion.flight.app import Companion
 from companion.flight.foxglove.live_view import SHOWN, LiveView
 from companion.flight.geometry.pose import Pose
-from companion.flight.recorder import foxglove_scene
+from companion.flight.recorder import topics as display
 from companion.runtime.errors import UsageError
 from tests.unit.companion.flight.landing.flight import FRAME, Flight, zone
 
@@ -78,10 +78,10 @@ async def test_the_vehicle_s_place_is_shown_ten_times_a_second_at_most(
     async with connect(url, subprotocols=[Subprotocol("foxglove.sdk.v1")], proxy=None) as viewer:
         async with asyncio.timeout(10):
             topics: dict[str, int] = {}
-            while foxglove_scene.FIX not in topics:
+            while display.FIX not in topics:
                 message = json.loads(await viewer.recv())
                 topics |= {channel["topic"]: channel["id"] for channel in message.get("channels", ())}
-            wanted = {"id": 1, "channelId": topics[foxglove_scene.FIX]}
+            wanted = {"id": 1, "channelId": topics[display.FIX]}
             await viewer.send(json.dumps({"op": "subscribe", "subscriptions": [wanted]}))
             heard: str | bytes = ""
             while not isinstance(heard, bytes):

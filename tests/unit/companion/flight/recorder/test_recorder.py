@@ -14,7 +14,7 @@ import pytest
 from companion.desk.replay.recording_reader import RecordingReader
 from companion.flight.geometry.pose import Pose
 from companion.flight.link.vehicle_identity import VehicleIdentity
-from companion.flight.recorder import foxglove_scene, journal
+from companion.flight.recorder import foxglove_scene, journal, topics
 from companion.flight.recorder.recorder import Recorder
 from companion.flight.recorder.recording_writer import McapWriter
 from companion.flight.recorder.recordings import Recordings
@@ -52,8 +52,8 @@ async def test_the_place_is_recorded_a_few_times_a_second_however_often_it_is_to
     recorder.changed("cell_m", 0.5)
     recorder.close()
     written = recorder.statistics()["written"]
-    assert (written[foxglove_scene.TRANSFORM], written[foxglove_scene.FIX]) == (1, 1)
-    assert written[foxglove_scene.PARAMETERS] == 2  # those at the start, and the one changed
+    assert (written[topics.TRANSFORM], written[topics.FIX]) == (1, 1)
+    assert written[topics.PARAMETERS] == 2  # those at the start, and the one changed
 
 
 async def test_what_moves_is_recorded_where_it_is_at_the_time(tmp_path: Path) -> None:
@@ -62,7 +62,7 @@ async def test_what_moves_is_recorded_where_it_is_at_the_time(tmp_path: Path) ->
     for objects in ((), (walker,), (walker,)):
         recorder.moving(objects)
     recorder.close()
-    assert recorder.statistics()["written"][foxglove_scene.MOVING] == 1
+    assert recorder.statistics()["written"][topics.MOVING] == 1
     drawn = repr(foxglove_scene.moving((walker,), walker.stamp_ns + 10**9, 0))
     assert "x: 4.0, y: 3.0, z: 12.85" in drawn
     assert "shaft_length: 4.0" in drawn

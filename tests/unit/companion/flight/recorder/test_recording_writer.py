@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from companion.desk.replay.recording_reader import RecordingReader
-from companion.flight.recorder import foxglove_scene, journal, recording_writer
+from companion.flight.recorder import foxglove_scene, journal, recording_writer, topics
 from companion.flight.recorder.recording_writer import MIB, Entry, McapWriter
 from companion.runtime.errors import UsageError
 from params import Parameters
@@ -114,11 +114,11 @@ def test_a_message_that_cannot_be_made_costs_itself_only(
 ) -> None:
     out = open_writer(tmp_path / "a.mcap")
     for k in range(3):
-        out.put(Entry(foxglove_scene.ZONES, k, lambda: 1 / 0, 1))
+        out.put(Entry(topics.ZONES, k, lambda: 1 / 0, 1))
         out.put(frame(k))
     out.close()
     assert numbers(tmp_path / "a.mcap") == [0, 1, 2]
-    assert (out.dropped, out.ended) == ({foxglove_scene.ZONES: 3}, "")
+    assert (out.dropped, out.ended) == ({topics.ZONES: 3}, "")
     assert caplog.text.count("cannot be made") == 1
 
 

@@ -52,6 +52,7 @@ async def test_the_graph_sees_node_publisher_and_subscription() -> None:
         async with running(session):
             await until(session.is_connected)
             client = Client(endpoint)
+            await until(lambda: len(client.tokens("@ros2_lv/7/**")) == 3)  # they follow the connection
             tokens = client.tokens("@ros2_lv/7/**")
             client.close()
     (zenoh_id,) = {token.split("/")[2] for token in tokens}

@@ -132,3 +132,37 @@ def test_times_of_a_steady_sensor_are_right_within_a_millisecond(seed: int, drif
     clock = SensorClock()
     stamp, true, _ = feed(clock, 20, drift=drift, seed=seed)
     assert stamp + clock.offset_ns(stamp) == pytest.approx(true, abs=MS)
+
+
+def waits_that_grow(period_ns: int, read_ns: int, seconds: int) -> SensorClock:
+    """Return a clock whose packets are read at regular times, so that waits grow in a line and fall."""
+    clock = SensorClock()
+    for stamp in range(0, seconds * S, period_ns):
+        clock.observe(3 * S + stamp, 100 * S - (-stamp // read_ns) * read_ns)
+    return clock
+
+
+def test_reading_at_regular_times_is_neither_drift_nor_step() -> None:
+    for period_ns in (7_680_000, 9_990_000, 99_900_000 // 13):
+        for seconds in range(3, 14):
+            clock = waits_that_grow(period_ns, 100 * MS, seconds)
+            assert abs(clock.drift_ppm or 0.0) < 300.0
+            assert clock.steps == 0
+
+
+@pytest.mark.parametrize("drift", [-2000e-6, 2000e-6])
+def test_a_clock_that_runs_away_shows_its_drift(drift: float) -> None:
+    clock = SensorClock()
+    feed(clock, 12, drift=drift, most_late_ns=0)
+    assert clock.drift_ppm == pytest.approx(1e6 * drift, rel=0.05)
+
+
+def test_a_step_forward_counts_if_it_is_more_than_a_packet() -> None:
+    clock = SensorClock()
+    stamp, true, _ = feed(clock, 5, most_late_ns=0)
+    feed(clock, 1, stamp_ns=stamp + PERIOD + 9 * MS, arrival_ns=true + PERIOD, most_late_ns=0)
+    assert clock.steps == 0
+    clock = SensorClock()
+    stamp, true, _ = feed(clock, 5, most_late_ns=0)
+    feed(clock, 1, stamp_ns=stamp + PERIOD + 12 * MS, arrival_ns=true + PERIOD, most_late_ns=0)
+    assert (clock.steps, clock.last_step_ns) == (1, 12 * MS)

@@ -64,6 +64,7 @@ def services(
         component_id=191,
         vehicle=VehicleState(sysid=1, position_lla=(47.0, 8.0, 400.0), relative_alt_m=0.0, armed=True),
         subscribe=lambda *_, **__: None,
+        on_command=lambda *_: None,
     )
     settings = Settings(params.build(values))
     return Services(cast(Link, link), settings, signing, state), settings, link

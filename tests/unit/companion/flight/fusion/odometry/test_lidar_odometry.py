@@ -61,6 +61,16 @@ def test_beside_a_wall_only_the_distance_to_it_is_corrected() -> None:
     assert not odometer.odometry.is_tracking(odometer.now_ns)
 
 
+def test_a_place_that_is_lost_counts_as_tracked_for_three_seconds_more() -> None:
+    odometer = Odometer(courtyard).run(12)
+    odometer.world = plain
+    odometer.run(4)
+    assert not odometer.odometry.tells_place(odometer.now_ns)
+    assert odometer.odometry.is_tracking(odometer.now_ns)
+    odometer.run(3)
+    assert not odometer.odometry.is_tracking(odometer.now_ns)
+
+
 def test_over_roofs_their_edges_alone_tell_the_place() -> None:
     odometer = Odometer(roofs, drifting_later).run(20)
     assert np.abs(odometer.offsets[-1]).max() < 0.1

@@ -56,6 +56,18 @@ def test_a_refusal_names_the_parameter() -> None:
     assert "0x001a" in control.refused
 
 
+def test_it_counts_as_answering_until_a_request_has_waited_for_a_second() -> None:
+    sensor, control = ControlUnit(), LivoxControl("192.168.1.5", 56301)
+    request = control.due(0, None)
+    assert not control.answered
+    control.on_datagram(sensor.receive(request or b"") or b"")
+    assert control.answered
+    assert control.due(3 * SECOND, None) is not None  # no points: asked again, and the answer is on its way
+    assert control.answered
+    assert control.due(4 * SECOND, None) is not None
+    assert not control.answered
+
+
 def answered(control: LivoxControl, sensor: ControlUnit, at_ns: int) -> None:
     request = control.due(at_ns, at_ns)
     assert request is not None

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from companion.desk.reproduce.odometry_runs import DriftingSurvey, DriftOutcome, run
+from companion.desk.reproduce.odometry.drifting_survey import DriftingSurvey, DriftOutcome, run
 from companion.desk.reproduce.reproduction_page import Section, Table
 
 TITLE = "LiDAR odometry"

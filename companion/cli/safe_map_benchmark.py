@@ -1,0 +1,117 @@
+"""`slz benchmark`: safe maps of any system against exact truth."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from companion.cli.console import progress, set_up_logging, stdout_console
+from companion.cli.options import Json, Verbose
+from companion.runtime import extras
+from companion.runtime.errors import UsageError
+
+
+def benchmark(
+    out: Annotated[Path | None, typer.Option(help="Folder for the leaderboard, or for --export.")] = None,
+    method: Annotated[list[str], typer.Option(help="Only methods whose name holds this.")] = [],  # noqa: B006
+    method_file: Annotated[
+        list[Path], typer.Option(help="Python file with a METHOD of your own (docs/benchmark/safe-maps.md).")
+    ] = [],  # noqa: B006
+    only: Annotated[list[str], typer.Option(help="Only scenes whose name holds this.")] = [],  # noqa: B006
+    density: Annotated[list[int], typer.Option(min=1, max=1000, help="Pulses per m² (10, 20 and 100).")] = [],  # noqa: B006
+    scenes: Annotated[
+        list[Path], typer.Option(help="Folder of scenes in the exchange format, in place of the frozen ones.")
+    ] = [],  # noqa: B006
+    laz: Annotated[
+        list[Path], typer.Option(help="Classified LAS or LAZ file as a scene, in place of the frozen ones.")
+    ] = [],  # noqa: B006
+    crs: Annotated[str | None, typer.Option(help="CRS of --laz files that name none.")] = None,
+    export: Annotated[bool, typer.Option("--export", help="Write clouds, poses and truth to --out.")] = False,
+    cloud_format: Annotated[
+        str, typer.Option("--format", metavar="laz|pcd", help="Of exported clouds.")
+    ] = "laz",
+    score: Annotated[
+        Path | None, typer.Option(help="Score this safe map (.tif) or these zones (.geojson) on --scene.")
+    ] = None,
+    scene: Annotated[str | None, typer.Option(help="Name of the scene that --score is of.")] = None,
+    safe_from: Annotated[
+        float, typer.Option(min=0, max=1, help="Least probability that --score calls safe.")
+    ] = 0.5,
+    names: Annotated[bool, typer.Option("--list", help="Name scenes and methods.")] = False,
+    as_json: Json = False,
+    verbose: Verbose = False,
+) -> None:
+    """Judge landing methods, or one map of any program, by how often unsafe ground is called safe."""
+    extras.require("survey", "slz benchmark")
+    from companion.desk.open_benchmark import benchmark_run
+    from companion.desk.open_benchmark.exchange_folder import CLOUD_FORMATS
+    from companion.desk.open_benchmark.frozen_scenes import DENSITIES
+
+    densities = tuple(dict.fromkeys(density)) or DENSITIES
+    choice = benchmark_run.BenchmarkChoice(
+        tuple(method), tuple(method_file), tuple(only), densities, tuple(scenes), tuple(laz), crs
+    )
+    if names:
+        _show_names(as_json)
+        return
+    if score is not None:
+        if scene is None:
+            raise UsageError("--score FILE goes with --scene NAME: slz benchmark --list names the scenes")
+        _show_score(benchmark_run.score_file(score, scene, choice, safe_from), as_json)
+        return
+    if out is None:
+        raise UsageError("--out DIR is needed: the folder of the leaderboard, or of --export")
+    if cloud_format not in CLOUD_FORMATS:
+        raise UsageError(f"--format {cloud_format!r}: use laz or pcd")
+    if export:
+        with progress(as_json) as step:
+            written = benchmark_run.export(out, step, choice, cloud_format)
+        _say(written, as_json, f"{len(written['scenes'])} scenes, {written['files']} files in {out}")
+        return
+    set_up_logging(verbose)
+    with progress(as_json) as step:
+        summary = benchmark_run.run(out, step, choice)
+    _say(summary, as_json, f"see {summary['files'][1]}")
+
+
+def _say(summary: dict[str, Any], as_json: bool, line: str) -> None:
+    if as_json:
+        print(json.dumps(summary))
+    else:
+        stdout_console().print(line, highlight=False)
+
+
+def _show_names(as_json: bool) -> None:
+    from companion.desk.open_benchmark.benchmark_case import frozen_names
+    from companion.desk.open_benchmark.benchmark_run import names_of
+    from companion.desk.open_benchmark.methods import METHODS, REFERENCE
+
+    listed = {"scenes": frozen_names(), "methods": names_of((*METHODS, REFERENCE))}
+    if as_json:
+        print(json.dumps(listed))
+        return
+    for name in frozen_names():
+        print(name)
+    table = Table("method", "source")
+    for one in names_of((*METHODS, REFERENCE)):
+        table.add_row(one["name"], one["source"])
+    stdout_console().print(table)
+
+
+def _show_score(figures: dict[str, Any], as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(figures))
+        return
+    table = Table("figure", "", title=f"{figures['file']} on {figures['scene']}")
+    for key in ("judged", "unsafe"):
+        table.add_row(key, str(figures[key]))
+    for key in ("unsafe_called_safe", "safe_is_unsafe", "safe_found", "unknown", "brier"):
+        value = figures[key]
+        table.add_row(key.replace("_", " "), "" if value is None else f"{value:.4f}")
+    for kind, of in figures["by_kind"].items():
+        table.add_row(f"unsafe called safe, {kind}", f"{of['unsafe_called_safe']:.4f}")
+    stdout_console().print(table)

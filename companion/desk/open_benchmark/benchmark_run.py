@@ -1,0 +1,239 @@
+"""Run of the benchmark: every method on every flight of every case, scored and timed."""
+
+from __future__ import annotations
+
+import json
+import platform
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from companion.desk.open_benchmark import leaderboard
+from companion.desk.open_benchmark.benchmark_case import (
+    BenchmarkCase,
+    chosen_scenes,
+    frozen_cases,
+    frozen_names,
+)
+from companion.desk.open_benchmark.classified_cloud import classified_case
+from companion.desk.open_benchmark.exchange_folder import SCENE_FILE, read_case, write_case
+from companion.desk.open_benchmark.frozen_scenes import DENSITIES
+from companion.desk.open_benchmark.landing_task import (
+    UNKNOWN,
+    FlownReturns,
+    LandingMethod,
+    LandingTask,
+    SafeMap,
+)
+from companion.desk.open_benchmark.methods import METHODS, REFERENCE, method_of_file
+from companion.desk.open_benchmark.safe_map_files import read_safe_map
+from companion.desk.open_benchmark.safe_map_score import SafeMapCounts, score
+from companion.desk.open_benchmark.scene_manifest import VERSION
+from companion.runtime import output_folder
+from companion.runtime.errors import CompanionError, UsageError
+
+Progress = Callable[[str, float], None]
+TIMING = (
+    "processor time of all threads for one call of judge, from the points in memory to the map; one call on"
+    " the first flight before goes untimed; median over the flights of a density"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class BenchmarkChoice:
+    """What to run: words in names of methods and scenes, more methods, and where other scenes are from."""
+
+    methods: tuple[str, ...] = ()
+    method_files: tuple[Path, ...] = ()
+    scenes: tuple[str, ...] = ()
+    densities: tuple[int, ...] = DENSITIES
+    folders: tuple[Path, ...] = ()
+    classified: tuple[Path, ...] = ()
+    crs: str | None = None
+
+    def chosen_methods(self) -> list[LandingMethod]:
+        """Return the methods of the files, and those of the benchmark whose names hold a word.
+
+        Raises
+        ------
+        UsageError
+            A word is in no name, or two methods have one name.
+        """
+        known = (*METHODS, REFERENCE)
+        for word in self.methods:
+            if not any(word.lower() in method.name.lower() for method in known):
+                there = ", ".join(method.name for method in known)
+                raise UsageError(f"no method is named {word!r}: there are {there}")
+        own = [method_of_file(path) for path in self.method_files]
+        chosen = [
+            m for m in known if not self.methods or any(w.lower() in m.name.lower() for w in self.methods)
+        ]
+        names = [method.name for method in (*own, *chosen)]
+        doubled = next((name for name in names if names.count(name) > 1), None)
+        if doubled is not None:
+            raise UsageError(f"two methods are named {doubled!r}: rename yours")
+        return [*own, *chosen]
+
+    def cases(self, with_flights: bool = True) -> Iterator[tuple[int, int, BenchmarkCase]]:
+        """Yield number, count and case: frozen ones, those of folders, then classified surveys."""
+        only_others = (self.folders or self.classified) and not self.scenes
+        frozen = [] if only_others else chosen_scenes(self.scenes)
+        folders = [found for folder in self.folders for found in _scene_folders(folder)]
+        total, number = len(frozen) + len(folders) + len(self.classified), 0
+        for case in frozen_cases(frozen, self.densities if with_flights else ()):
+            yield number, total, case
+            number += 1
+        for folder in folders:
+            yield number, total, read_case(folder, with_flights)
+            number += 1
+        for path in self.classified:
+            yield number, total, classified_case(path, self.crs)
+            number += 1
+
+
+@dataclass(slots=True)
+class MethodRow:
+    """Counts and times of a method by group: pulses per m², or the label of other flights."""
+
+    name: str
+    source: str
+    counts: dict[str, SafeMapCounts] = field(default_factory=dict)
+    ms: dict[str, list[float]] = field(default_factory=dict)
+
+    def add(self, group: str, counts: SafeMapCounts, ms: float) -> None:
+        self.counts.setdefault(group, SafeMapCounts()).add(counts)
+        self.ms.setdefault(group, []).append(ms)
+
+    def document(self) -> dict[str, Any]:
+        """Return the figures as JSON."""
+        groups = {
+            group: counts.figures() | {"ms": round(float(np.median(self.ms[group])), 1)}
+            for group, counts in self.counts.items()
+        }
+        return {"name": self.name, "source": self.source, "groups": groups}
+
+
+def run(out: Path, progress: Progress, choice: BenchmarkChoice) -> dict[str, Any]:
+    """Run the methods and write results.json, scenes.csv and the leaderboard; return the summary.
+
+    Raises
+    ------
+    UsageError
+        A choice names nothing.
+    CompanionError
+        A method fails, or its map is not one of the task.
+    """
+    methods = choice.chosen_methods()
+    output_folder.prepare(out)
+    rows = {method.name: MethodRow(method.name, method.source) for method in methods}
+    warm: set[str] = set()
+    scenes: list[dict[str, Any]] = []
+    changed: list[str] = []
+    begun = time.perf_counter()
+    for number, total, case in choice.cases():
+        progress(case.name, number / total)
+        if case.digests_agree is False:
+            changed.append(case.name)
+        for label, returns in case.flights.items():
+            for method in methods:
+                if method.name not in warm:
+                    _judged(method, returns, case.task)
+                    warm.add(method.name)
+                cpu = time.process_time()
+                answer = _judged(method, returns, case.task)
+                ms = 1e3 * (time.process_time() - cpu)
+                counts = score(answer, case.truth)
+                rows[method.name].add(label, counts, ms)
+                one = {"scene": case.name, "flight": label, "method": method.name, "ms": round(ms, 1)}
+                scenes.append(one | counts.figures())
+    if not scenes:
+        raise UsageError("nothing to judge: the chosen scenes have no flight")
+    document = {
+        "benchmark": "slz benchmark",
+        "version": VERSION,
+        "scenes": len({one["scene"] for one in scenes}),
+        "not_as_frozen": changed,
+        "timing": TIMING,
+        "machine": f"{platform.machine()}, Python {platform.python_version()}",
+        "seconds": round(time.perf_counter() - begun, 1),
+        "methods": [row.document() for row in rows.values()],
+    }
+    files = [out / "results.json", *leaderboard.write(out, document, scenes)]
+    files[0].write_text(json.dumps(document | {"by_scene": scenes}, indent=1) + "\n", "utf-8")
+    return document | {"files": [str(path) for path in files]}
+
+
+def export(out: Path, progress: Progress, choice: BenchmarkChoice, cloud_format: str) -> dict[str, Any]:
+    """Write the chosen cases as files of the exchange format, and return their names and number."""
+    output_folder.prepare(out)
+    names, n_files = [], 0
+    for number, total, case in choice.cases():
+        progress(case.name, number / total)
+        n_files += len(write_case(case, out, cloud_format))
+        names.append(case.name)
+    return {"out": str(out), "version": VERSION, "scenes": names, "files": n_files}
+
+
+def score_file(path: Path, name: str, choice: BenchmarkChoice, safe_from: float) -> dict[str, Any]:
+    """Score one map or file of zones against one scene, and return its figures.
+
+    Raises
+    ------
+    UsageError
+        There is no such scene, or the file cannot be scored.
+    """
+    case = _named(name, choice)
+    return {"file": str(path), "scene": case.name} | score(
+        read_safe_map(path, case, safe_from), case.truth
+    ).figures()
+
+
+def _named(name: str, choice: BenchmarkChoice) -> BenchmarkCase:
+    if name in frozen_names():
+        wanted = [scene for scene in chosen_scenes((name,)) if scene.name == name]
+        return next(frozen_cases(wanted, ()))
+    for folder in (found for place in choice.folders for found in _scene_folders(place)):
+        if folder.name == name:
+            return read_case(folder, with_flights=False)
+    for path in choice.classified:
+        if path.stem == name:
+            return classified_case(path, choice.crs)
+    raise UsageError(f"no scene is named {name!r}: slz benchmark --list names them all")
+
+
+def _scene_folders(folder: Path) -> list[Path]:
+    found = sorted(path.parent for path in (*folder.glob(SCENE_FILE), *folder.glob(f"*/{SCENE_FILE}")))
+    if not found:
+        raise UsageError(f"--scenes {folder}: it holds no folder with a {SCENE_FILE}")
+    return found
+
+
+def _judged(method: LandingMethod, returns: FlownReturns, task: LandingTask) -> SafeMap:
+    """Return a method's answer, checked."""
+    try:
+        answer = method.judge(returns, task)
+        states = np.asarray(answer.state)
+        probability = None if answer.probability is None else np.asarray(answer.probability, np.float32)
+    except CompanionError:
+        raise
+    except Exception as error:
+        line = " ".join(f"{type(error).__name__}: {error}".split())[:160]
+        raise CompanionError(f"method {method.name!r} fails: {line}") from error
+    if states.shape != task.grid.shape or not np.isin(states, (0, 1, UNKNOWN)).all():
+        raise CompanionError(f"method {method.name!r}: its states must be {task.grid.shape} of 0, 1 and 255")
+    if probability is not None:
+        known = probability[np.isfinite(probability)]
+        if probability.shape != task.grid.shape or (len(known) and (known.min() < 0 or known.max() > 1)):
+            raise CompanionError(
+                f"method {method.name!r}: its probabilities must be {task.grid.shape} of 0 to 1"
+            )
+    return SafeMap(states.astype(np.uint8), probability)
+
+
+def names_of(methods: Sequence[LandingMethod]) -> list[dict[str, str]]:
+    """Return names and sources of methods as JSON."""
+    return [{"name": method.name, "source": method.source} for method in methods]

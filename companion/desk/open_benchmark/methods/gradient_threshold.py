@@ -1,0 +1,56 @@
+"""Slope of a digital surface model by Horn's gradient, and a threshold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.desk.open_benchmark.landing_task import FlownReturns, LandingTask, SafeMap
+from companion.desk.open_benchmark.methods.elevation_grid import (
+    around,
+    cell_statistics,
+    fill_gaps,
+    footprint_reach,
+    footprint_state,
+    on_task_grid,
+)
+from companion.desk.open_benchmark.methods.outlier_removal import without_outliers
+
+STEPS_M = (0.2, 0.25, 0.5, 1.0, 2.0)
+
+
+@dataclass(frozen=True, slots=True)
+class GradientThreshold:
+    """Mean heights of cells that hold 4 returns on average, Horn's slope, and the task's limit of slope.
+
+    Horn, Hill shading and the reflectance map, Proc. IEEE 69(1), 1981: differences over eight neighbours,
+    weights 1, 2, 1; the slope of GIS programs. Single empty cells take their nearest neighbour. A footprint
+    is safe if all of its cells are. It has no limit of relief.
+    """
+
+    name: str = "gradient + threshold"
+    source: str = (
+        "Horn 1981 (Proc. IEEE 69(1)), as in GIS programs; chosen: outlier removal of Rusu 2008, cells of"
+        " 4 returns on average, whole footprint below the limit"
+    )
+    returns_per_cell: float = 4.0
+
+    def judge(self, returns: FlownReturns, task: LandingTask) -> SafeMap:
+        returns = without_outliers(returns)
+        area = task.grid.rows * task.grid.cols * task.grid.cell_m**2
+        wanted = float(np.sqrt(self.returns_per_cell * area / max(1, len(returns))))
+        cell = next((step for step in STEPS_M if step >= max(0.95 * wanted, task.grid.cell_m)), STEPS_M[-1])
+        grid = task.grid.with_cells(max(cell, task.grid.cell_m))
+        z = around(fill_gaps(cell_statistics(returns, grid).mean_m, 1.0), 1)
+        weights = np.array([1.0, 2.0, 1.0])
+        east = (z[..., 2] - z[..., 0]) @ weights / (8 * grid.cell_m)
+        north = (z[..., 2, :] - z[..., 0, :]) @ weights / (8 * grid.cell_m)
+        slope = np.degrees(np.arctan(np.hypot(east, north)))
+        safe = footprint_state(
+            slope <= task.slope_limit_deg, slope > task.slope_limit_deg, footprint_reach(task, grid.cell_m)
+        )
+        return SafeMap(on_task_grid(safe, grid, task))
+
+
+METHOD = GradientThreshold()

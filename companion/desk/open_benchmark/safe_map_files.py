@@ -1,0 +1,180 @@
+"""Safe maps (GeoTIFF) and zones (GeoJSON) of any program, on the grid of a case."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rasterio
+import shapely
+from numpy.typing import NDArray
+from pyproj import CRS, Transformer
+from pyproj.exceptions import CRSError, ProjError
+from rasterio.errors import NotGeoreferencedWarning, RasterioError
+
+from companion.desk.open_benchmark.benchmark_case import BenchmarkCase
+from companion.desk.open_benchmark.landing_task import F64, SAFE, UNKNOWN, UNSAFE, SafeMap
+from companion.runtime.errors import UsageError
+
+WGS84 = CRS.from_epsg(4326)
+LEAST_COVER = 0.5
+"""Share of the judged cells that a map must cover, so that nothing is scored by what it leaves out."""
+
+
+def read_safe_map(path: Path, case: BenchmarkCase, safe_from: float = 0.5) -> SafeMap:
+    """Read a GeoTIFF or GeoJSON by its suffix.
+
+    Parameters
+    ----------
+    safe_from
+        Least probability of a cell that is called safe, for maps of probabilities.
+
+    Raises
+    ------
+    UsageError
+        The file is missing or of no known kind, cannot be read, is empty, has no CRS or one that cannot be
+        converted, lies elsewhere, covers too little, or has values that mean nothing.
+    """
+    if not path.is_file():
+        raise UsageError(f"{path}: there is no such file")
+    if path.stat().st_size == 0:
+        raise UsageError(f"{path}: it is empty")
+    kind = path.suffix.lower()
+    if kind in (".tif", ".tiff"):
+        return read_raster(path, case, safe_from)
+    if kind in (".geojson", ".json"):
+        return read_zones(path, case)
+    raise UsageError(f"{path}: a safe map is a GeoTIFF (.tif), zones are GeoJSON (.geojson)")
+
+
+def read_raster(path: Path, case: BenchmarkCase, safe_from: float) -> SafeMap:
+    """Read band 1 of a GeoTIFF at the centres of the case's cells, the nearest cell.
+
+    Whole numbers: 0 unsafe, 1 safe, nodata or 255 unknown. Floating point: probability of safe, NaN or
+    nodata unknown.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", NotGeoreferencedWarning)
+        try:
+            with rasterio.open(path) as file:
+                values, crs, nodata = file.read(1), file.crs, file.nodata
+                transform = file.transform
+        except (RasterioError, ValueError) as error:
+            raise UsageError(f"{path}: it is no readable GeoTIFF ({_line(error)})") from None
+    if crs is None or transform.is_identity:
+        raise UsageError(f"{path}: it has no CRS or no georeference: write it in that of truth.tif")
+    values = values.astype(np.float64) if values.dtype.kind == "f" else values
+    unknown = np.isnan(values) if values.dtype.kind == "f" else values == UNKNOWN
+    if nodata is not None:
+        unknown |= values == nodata
+    _check_values(path, values[~unknown])
+    x, y = _converted(path, case, CRS.from_wkt(crs.to_wkt()))
+    col, row = (np.floor(v) for v in ~transform @ (x, y))
+    inside = (row >= 0) & (col >= 0) & (row < values.shape[0]) & (col < values.shape[1])
+    _check_cover(path, case, inside)
+    at = row[inside].astype(np.int64), col[inside].astype(np.int64)
+    probability = np.full(case.task.grid.shape, np.nan)
+    probability[inside] = np.where(unknown[at], np.nan, values[at].astype(np.float64))
+    state = np.where(np.isnan(probability), UNKNOWN, np.where(probability >= safe_from, SAFE, UNSAFE))
+    if (state[case.truth.safe != UNKNOWN] == UNKNOWN).all():
+        raise UsageError(f"{path}: it is empty, no judged cell has a value")
+    fuzzy = values.dtype.kind == "f"
+    return SafeMap(state.astype(np.uint8), probability.astype(np.float32) if fuzzy else None)
+
+
+def _check_values(path: Path, known: NDArray[Any]) -> None:
+    if not known.size:
+        raise UsageError(f"{path}: it is empty, all of its cells are nodata")
+    low, high = known.min(), known.max()
+    if known.dtype.kind == "f":
+        if low < 0 or high > 1:
+            raise UsageError(f"{path}: its values run from {low:g} to {high:g}: a probability is 0 to 1")
+    elif not np.isin(known, (UNSAFE, SAFE)).all():
+        raise UsageError(f"{path}: its values run from {low} to {high}: 0 is unsafe, 1 safe, nodata unknown")
+
+
+def read_zones(path: Path, case: BenchmarkCase) -> SafeMap:
+    """Read the polygons of a GeoJSON: cells whose centres are inside one are safe, the others are not.
+
+    Coordinates are longitude and latitude (RFC 7946), unless a member `crs` names another CRS.
+    """
+    try:
+        document = json.loads(path.read_text("utf-8"))
+        features = document["features"] if document["type"] == "FeatureCollection" else [document]
+        shapes = [f["geometry"] if f.get("type") == "Feature" else f for f in features]
+        polygons = [shapely.from_geojson(json.dumps(shape)) for shape in shapes if shape]
+    except (OSError, UnicodeDecodeError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UsageError(f"{path}: it is no readable GeoJSON ({_line(error)})") from None
+    except shapely.errors.ShapelyError as error:
+        raise UsageError(f"{path}: it is no readable GeoJSON ({_line(error)})") from None
+    polygons = [shapely.make_valid(p) for p in polygons if p.geom_type in ("Polygon", "MultiPolygon")]
+    if not polygons:
+        raise UsageError(f"{path}: it is empty, it holds no polygon")
+    to_scene = _transformer(path, _zones_crs(path, document), case.crs)
+    zones = shapely.transform(shapely.union_all(polygons), lambda xy: _both(to_scene, xy))
+    grid = case.task.grid
+    ground = shapely.box(
+        grid.west_m,
+        grid.south_m,
+        grid.west_m + grid.cols * grid.cell_m,
+        grid.south_m + grid.rows * grid.cell_m,
+    )
+    if not np.isfinite(zones.bounds).all() or not zones.intersects(ground):
+        raise UsageError(f"{path}: {_elsewhere(case)}")
+    shapely.prepare(zones)
+    x, y = grid.centres()
+    inside = shapely.contains_xy(zones, x.ravel(), y.ravel()).reshape(grid.shape)
+    return SafeMap(np.where(inside, SAFE, UNSAFE).astype(np.uint8))
+
+
+def _zones_crs(path: Path, document: dict[str, Any]) -> CRS:
+    named = document.get("crs")
+    if not named:
+        return WGS84
+    try:
+        return CRS.from_user_input(named["properties"]["name"])
+    except (CRSError, KeyError, TypeError) as error:
+        raise UsageError(f"{path}: its member crs is unknown ({_line(error)})") from None
+
+
+def _converted(path: Path, case: BenchmarkCase, crs: CRS) -> tuple[F64, F64]:
+    """Return the centres of the case's cells in another CRS; infinite where it has no such place."""
+    x, y = case.task.grid.centres()
+    if crs.equals(case.crs):
+        return x, y
+    there = _transformer(path, case.crs, crs).transform(x.ravel(), y.ravel(), errcheck=False)
+    return there[0].reshape(x.shape), there[1].reshape(y.shape)
+
+
+def _transformer(path: Path, source: CRS, target: CRS) -> Transformer:
+    try:
+        return Transformer.from_crs(source, target, always_xy=True)
+    except ProjError as error:
+        raise UsageError(f"{path}: its CRS cannot be converted to the scene's ({_line(error)})") from None
+
+
+def _both(transformer: Transformer, xy: F64) -> F64:
+    return np.column_stack(transformer.transform(xy[:, 0], xy[:, 1]))
+
+
+def _check_cover(path: Path, case: BenchmarkCase, inside: NDArray[np.bool_]) -> None:
+    judged = case.truth.safe != UNKNOWN
+    share = float((inside & judged).sum()) / max(1, int(judged.sum()))
+    if share == 0.0:
+        raise UsageError(f"{path}: {_elsewhere(case)}")
+    if share < LEAST_COVER:
+        raise UsageError(
+            f"{path}: it covers {100 * share:.0f} % of the judged cells of {case.name}, less than half"
+        )
+
+
+def _elsewhere(case: BenchmarkCase) -> str:
+    lat, lon, _ = case.origin
+    return f"it does not overlap scene {case.name}, which lies about {lat:.5f}, {lon:.5f}: is it of its CRS?"
+
+
+def _line(error: BaseException) -> str:
+    return " ".join(f"{type(error).__name__}: {error}".split())[:160]

@@ -1,0 +1,1 @@
+"""LiDAR odometry under drift, against the true pose."""

@@ -1,0 +1,177 @@
+"""`slz benchmark`: runs, exports, scores and refusals."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+import shutil
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from companion.cli import program
+from companion.desk.open_benchmark.exchange_folder import write_case
+from companion.desk.open_benchmark.leaderboard import better_than_ours, markdown
+from companion.desk.open_benchmark.methods import METHODS, OURS, REFERENCE
+from tests import REPOSITORY
+from tests.unit.companion.desk.open_benchmark.flights_over import case_of
+
+OWN = REPOSITORY / "docs" / "examples" / "own_method.py"
+Capture = pytest.CaptureFixture[str]
+
+
+def ended(monkeypatch: pytest.MonkeyPatch, *words: str | Path) -> int:
+    monkeypatch.setattr(sys, "argv", ["slz", "benchmark", *map(str, words)])
+    with pytest.raises(SystemExit) as left:
+        program.main()
+    return int(left.value.code or 0)
+
+
+@pytest.fixture
+def scenes(tmp_path: Path) -> Path:
+    """A folder with one small scene: a level square, half of it said to be unsafe."""
+    safe = np.ones((20, 20), np.uint8)
+    safe[:, 10:] = 0
+    write_case(case_of(safe), tmp_path / "scenes")
+    return tmp_path / "scenes"
+
+
+def test_methods_of_a_file_are_judged_on_scenes_of_a_folder(
+    tmp_path: Path, scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    out = tmp_path / "out"
+    words = ["--scenes", scenes, "--method-file", OWN, "--method", "all seen", "--out", out, "--json"]
+    assert ended(monkeypatch, *words) == 0
+    summary = json.loads(capsys.readouterr().out)
+    by_name = {method["name"]: method["groups"]["2"] for method in summary["methods"]}
+    assert set(by_name) == {"height range", REFERENCE.name}
+    assert by_name["height range"]["unsafe_called_safe"] > 0.9  # the truth is made up: the ground is level
+    assert by_name["height range"]["by_kind"].keys() == {"wall"}
+    assert json.loads((out / "results.json").read_text("utf-8"))["methods"] == summary["methods"]
+    page = (out / "index.html").read_text("utf-8")
+    assert not re.search(r"(src|href)=|https?:|@import|url\(", page)
+    assert "height range" in page
+    with (out / "scenes.csv").open(encoding="utf-8", newline="") as file:
+        assert [row["method"] for row in csv.DictReader(file)] == ["height range", REFERENCE.name]
+
+
+def test_exported_truth_scores_as_perfect(
+    tmp_path: Path, scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    shutil.copy(scenes / "small" / "truth.tif", tmp_path / "mine.tif")
+    words = ["--score", tmp_path / "mine.tif", "--scene", "small", "--scenes", scenes, "--json"]
+    assert ended(monkeypatch, *words) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert (figures["unsafe_called_safe"], figures["safe_found"], figures["unknown"]) == (0.0, 1.0, 0.0)
+    assert ended(monkeypatch, *words[:-1]) == 0
+    assert re.search(r"unsafe called safe, wall\W+0\.0000", capsys.readouterr().out)
+
+
+def test_a_frozen_scene_is_exported_with_its_truth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    words = [
+        "--export",
+        "--only",
+        "kerb-0.1",
+        "--density",
+        "2",
+        "--format",
+        "pcd",
+        "--out",
+        tmp_path,
+        "--json",
+    ]
+    assert ended(monkeypatch, *words) == 0
+    assert json.loads(capsys.readouterr().out)["scenes"] == ["kerb-0.1m"]
+    names = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.*") if path.is_file()}
+    files = {"scene.json", "truth.tif", "kind.tif", "truth_values.tif", "2/points.pcd", "2/poses.csv"}
+    assert names == {f"kerb-0.1m/{name}" for name in files}
+
+
+def test_scenes_and_methods_are_listed(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
+    assert ended(monkeypatch, "--list", "--json") == 0
+    listed = json.loads(capsys.readouterr().out)
+    assert "yard" in listed["scenes"]
+    assert [method["name"] for method in listed["methods"]] == [m.name for m in (*METHODS, REFERENCE)]
+    assert len(METHODS) >= 8
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ([], "--out DIR is needed"),
+        (["--score", "a.tif"], "goes with --scene NAME"),
+        (["--score", "a.tif", "--scene", "mars"], "no scene is named 'mars'"),
+        (["--out", "o", "--method", "magic"], "no method is named 'magic'"),
+        (["--out", "o", "--only", "mars"], "no scene is named 'mars'"),
+        (["--out", "o", "--format", "xyz"], "use laz or pcd"),
+        (["--out", "o", "--scenes", "none"], "holds no folder with a scene.json"),
+    ],
+)
+def test_bad_requests_are_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture, words: list[str], complaint: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert ended(monkeypatch, *words) == 2
+    said = capsys.readouterr()
+    assert complaint in said.err
+    assert said.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("body", "complaint"),
+    [
+        ("1 / 0", "fails: ZeroDivisionError"),
+        ("return SafeMap(np.zeros((1, 1), np.uint8))", "its states must be"),
+        ("return SafeMap(np.full(task.grid.shape, 7, np.uint8))", "of 0, 1 and 255"),
+        ("return SafeMap(np.zeros(task.grid.shape, np.uint8), np.full(task.grid.shape, 2.0))", "of 0 to 1"),
+    ],
+)
+def test_methods_that_fail_end_with_one_line(
+    tmp_path: Path, scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture, body: str, complaint: str
+) -> None:
+    text = (
+        "import numpy as np\nfrom companion.desk.open_benchmark.landing_task import SafeMap\n"
+        f"class M:\n    name = 'm'\n    source = 's'\n    def judge(self, returns, task):\n        {body}\n"
+        "METHOD = M()\n"
+    )
+    (tmp_path / "m.py").write_text(text, "utf-8")
+    words = ["--scenes", scenes, "--method-file", tmp_path / "m.py", "--method", "all seen"]
+    assert ended(monkeypatch, *words, "--out", tmp_path / "out") == 1
+    assert complaint in capsys.readouterr().err
+
+
+def figures(missed: float, found: float, ms: float) -> dict[str, object]:
+    kinds = {"pole": {"unsafe": 10, "unsafe_called_safe": missed}}
+    shares = {"unsafe_called_safe": missed, "safe_is_unsafe": missed / 2, "safe_found": found, "unknown": 0.0}
+    return {**shares, "by_kind": kinds, "brier": None, "reliability": [], "ms": ms}
+
+
+def test_the_page_says_where_another_method_wins_and_not_where_one_finds_nothing() -> None:
+    groups = {
+        OURS: figures(0.05, 0.9, 100.0),
+        "other": figures(0.02, 0.8, 20.0),
+        "timid": figures(0.0, 0.1, 1.0),
+    }
+    document = {
+        "version": 1,
+        "timing": "",
+        "scenes": 1,
+        "seconds": 1.0,
+        "machine": "",
+        "not_as_frozen": ["yard"],
+        "methods": [{"name": name, "source": "", "groups": {"20": of}} for name, of in groups.items()],
+    }
+    lines = better_than_ours(document)
+    assert "20 pulses/m²: unsafe called safe: other 2.00 %, ours 5.00 %" in lines
+    assert "20 pulses/m²: unsafe called safe, pole: other 2.00 %, ours 5.00 %" in lines
+    assert "20 pulses/m²: time: other 20 ms, ours 100 ms" in lines
+    assert not any("safe found" in line or "timid" in line for line in lines)
+    page = markdown(document)
+    assert "| timid | 0.00 |" in page
+    assert "| other | **2.00** |" in page
+    assert "Not as frozen on this machine: yard." in page

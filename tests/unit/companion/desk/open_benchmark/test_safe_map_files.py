@@ -1,0 +1,166 @@
+"""Safe maps and zones of other programs: read on the scene's grid, or refused in one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import rasterio
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from pyproj import Transformer
+from rasterio import Affine
+
+from companion.desk.open_benchmark.benchmark_case import BenchmarkCase
+from companion.desk.open_benchmark.landing_task import SafeMap
+from companion.desk.open_benchmark.safe_map_files import read_safe_map
+from companion.runtime.errors import UsageError
+from tests.unit.companion.desk.open_benchmark.flights_over import case_of
+
+SAFE = np.array([[0, 1, 1, 1], [0, 1, 1, 0], [1, 1, 255, 0]], np.uint8)  # row 0 in the south
+CASE = case_of(SAFE)
+CELL = 0.5
+LOCAL = CASE.crs.to_wkt()
+
+
+def write_raster(
+    path: Path,
+    values: np.ndarray,
+    crs: Any = LOCAL,
+    west: float = -1.0,
+    north: float = 0.75,
+    cell: float = CELL,
+    nodata: float | None = 255,
+) -> Path:
+    """Write values, row 0 in the south, as a GeoTIFF north up."""
+    with rasterio.open(
+        path,
+        "w",
+        driver="GTiff",
+        width=values.shape[1],
+        height=values.shape[0],
+        count=1,
+        dtype=values.dtype.name,
+        crs=crs,
+        transform=Affine(cell, 0, west, 0, -cell, north),
+        nodata=nodata,
+    ) as file:
+        file.write(values[::-1], 1)
+    return path
+
+
+def read(path: Path, case: BenchmarkCase = CASE) -> SafeMap:
+    return read_safe_map(path, case)
+
+
+def test_a_map_on_the_grid_is_read_cell_by_cell(tmp_path: Path) -> None:
+    answer = read(write_raster(tmp_path / "a.tif", SAFE))
+    assert np.array_equal(answer.state, SAFE)
+    assert answer.probability is None
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=10)
+@given(st.integers(1, 5), st.integers(0, 3), st.integers(0, 3))
+def test_finer_and_larger_maps_say_the_same(tmp_path: Path, finer: int, west: int, north: int) -> None:
+    fine = np.repeat(np.repeat(SAFE, finer, axis=0), finer, axis=1)
+    fine = np.pad(fine, ((0, north), (west, 0)), constant_values=1)
+    cell = CELL / finer
+    path = write_raster(
+        tmp_path / "a.tif", fine, west=-1.0 - west * cell, north=0.75 + north * cell, cell=cell
+    )
+    assert np.array_equal(read(path).state, SAFE)
+
+
+def test_probabilities_are_safe_from_a_limit_on_and_nan_is_unknown(tmp_path: Path) -> None:
+    values = np.linspace(0, 1, 12, dtype=np.float32).reshape(3, 4)
+    values[0, 1] = np.nan
+    path = write_raster(tmp_path / "a.tif", values, nodata=None)
+    answer = read_safe_map(path, CASE, safe_from=0.8)
+    assert np.array_equal(answer.probability, values, equal_nan=True)
+    assert np.array_equal(answer.state == 1, values >= 0.8)
+    assert answer.state[0, 1] == 255
+
+
+def test_a_map_in_another_crs_lies_at_the_same_place(tmp_path: Path) -> None:
+    to_utm = Transformer.from_crs(CASE.crs, "EPSG:32632", always_xy=True)
+    x, y = to_utm.transform(0.0, 0.0)
+    turned = np.full((40, 40), 1, np.uint8)
+    turned[:, :20] = 0  # west of the scene's middle
+    path = write_raster(tmp_path / "a.tif", turned, "EPSG:32632", x - 4, y + 4, 0.2)
+    assert np.array_equal(read(path).state, np.tile([0, 0, 1, 1], (3, 1)))
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        ({"crs": None}, "no CRS"),
+        ({"west": 500.0}, "does not overlap scene small"),
+        ({"crs": "EPSG:32632"}, "does not overlap scene small"),
+        ({"west": 0.0}, "less than half"),
+        ({"values": np.full((3, 4), 7, np.uint8)}, "0 is unsafe, 1 safe"),
+        ({"values": np.full((3, 4), 2.5, np.float32)}, "a probability is 0 to 1"),
+        ({"values": np.full((3, 4), 255, np.uint8)}, "it is empty"),
+        ({"values": np.full((3, 4), np.nan, np.float32)}, "it is empty"),
+    ],
+)
+def test_unusable_rasters_are_refused(tmp_path: Path, change: dict[str, Any], complaint: str) -> None:
+    path = write_raster(tmp_path / "a.tif", **({"values": SAFE} | change))
+    with pytest.raises(UsageError, match=complaint) as refused:
+        read(path)
+    assert "\n" not in str(refused.value)
+
+
+def square(west: float, south: float, east: float, north: float) -> dict[str, Any]:
+    """Return a zone given in the scene's metres, as RFC 7946 has it: longitude and latitude."""
+    to_wgs84 = Transformer.from_crs(CASE.crs, "EPSG:4326", always_xy=True)
+    corners = [(west, south), (east, south), (east, north), (west, north), (west, south)]
+    ring = [to_wgs84.transform(*corner) for corner in corners]
+    return {"type": "Feature", "properties": {}, "geometry": {"type": "Polygon", "coordinates": [ring]}}
+
+
+def collection(*features: dict[str, Any], **more: Any) -> str:
+    return json.dumps({"type": "FeatureCollection", "features": features, **more})
+
+
+def test_cells_inside_zones_are_safe_and_holes_are_not(tmp_path: Path) -> None:
+    path = tmp_path / "zones.geojson"
+    whole = square(-1.0, -0.75, 1.0, 0.75)
+    hole = square(-0.5, -0.25, 0.0, 0.25)["geometry"]["coordinates"][0]
+    whole["geometry"]["coordinates"].append(hole)
+    path.write_text(collection(whole), "utf-8")
+    expected = np.ones((3, 4), np.uint8)
+    expected[1, 1] = 0
+    assert np.array_equal(read(path).state, expected)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "it is empty"),
+        ("zones", "no readable GeoJSON"),
+        ("[1, 2]", "no readable GeoJSON"),
+        (collection(), "holds no polygon"),
+        (collection(square(90, 90, 95, 95)), "does not overlap"),
+        (collection(square(0, 0, 1, 1), crs={"properties": {"name": "EPSG:0"}}), "member crs is unknown"),
+    ],
+)
+def test_unusable_zones_are_refused(tmp_path: Path, text: str, complaint: str) -> None:
+    path = tmp_path / "zones.geojson"
+    path.write_text(text, "utf-8")
+    with pytest.raises(UsageError, match=complaint) as refused:
+        read(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_files_of_other_kinds_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no such file"):
+        read(tmp_path / "none.tif")
+    (tmp_path / "map.png").write_bytes(b"PNG")
+    with pytest.raises(UsageError, match="a safe map is a GeoTIFF"):
+        read(tmp_path / "map.png")
+    (tmp_path / "map.tif").write_bytes(b"PNG")
+    with pytest.raises(UsageError, match="no readable GeoTIFF"):
+        read(tmp_path / "map.tif")

@@ -1,0 +1,107 @@
+"""Diagnosis of each fault of a stream and its clock, and silence about healthy ones."""
+
+from __future__ import annotations
+
+import inspect
+
+import pytest
+
+from companion.flight.sensors.diagnosis import explanation
+from companion.flight.sensors.diagnosis.explanation import Explanation
+from sitl.faults import stream_faults
+from tests.unit.companion.flight.sensors import ouster_packets
+from tests.unit.companion.flight.sensors.diagnosis.faults import CASES, WITHIN_S, Case, pause
+from tests.unit.companion.flight.sensors.diagnosis.streams import Bench, loop_of
+
+needs_ouster = pytest.mark.skipif(bool(ouster_packets.MISSING), reason=ouster_packets.MISSING)
+MARKS = {"os1": [needs_ouster]}
+SENSORS = [pytest.param(name, marks=MARKS.get(name, [])) for name in ("mid360", "vlp16", "os1")]
+
+
+@pytest.mark.parametrize(
+    "case", [pytest.param(case, id=case.title, marks=MARKS.get(case.sensor, [])) for case in CASES]
+)
+def test_the_cause_is_named_within_three_seconds_and_no_other(case: Case) -> None:
+    bench, began_s = case.run()
+    assert [told.cause for told in bench.told] == [case.cause]
+    assert 0.0 <= bench.told[0].at_s - began_s <= WITHIN_S
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_a_healthy_stream_raises_no_alarm(sensor: str) -> None:
+    bench = Bench(loop_of(sensor))
+    bench.feed(bench.arrivals(0, bench.number_at(12.0)))
+    assert bench.told == []
+
+
+@pytest.mark.parametrize("drift_ppm", [-60.0, 60.0])
+def test_an_oscillator_of_sixty_millionths_is_healthy(drift_ppm: float) -> None:
+    bench = Bench(loop_of("vlp16"))
+    bench.feed(bench.arrivals(0, bench.number_at(15.0), drift_ppm=drift_ppm))
+    assert bench.told == []
+
+
+def test_a_busy_computer_is_no_fault_of_the_sensor() -> None:
+    bench = Bench(loop_of("vlp16"))
+    for number, (at_ns, packet) in enumerate(bench.arrivals(0, bench.number_at(20.0))):
+        stalled_ns = 700_000_000 if number // 1000 % 2 else 0  # packets wait in the socket, none is dropped
+        late_ns = max(at_ns, at_ns // 2_000_000_000 * 2_000_000_000 + stalled_ns)
+        bench.feed(iter([(late_ns, packet)]))
+    assert bench.told == []
+
+
+def test_a_fault_is_told_once_and_its_end_is_known() -> None:
+    bench = Bench(loop_of("vlp16"))
+    bench.feed(bench.arrivals(0, bench.number_at(5.0)))
+    bench.feed(pause(1.2)(bench, bench.number_at(5.0), bench.number_at(8.0)))
+    assert [told.cause for told in bench.told] == ["pauses"]
+    assert bench.stream.diagnosis.active
+    bench.feed(bench.arrivals(bench.number_at(8.0), bench.number_at(16.0)))
+    assert bench.stream.diagnosis.active == []
+    (episode,) = bench.episodes
+    assert episode.ended_ns is not None
+    assert 6e9 < episode.began_ns <= episode.ended_ns < 9e9
+
+
+def test_losses_now_and_then_are_one_episode() -> None:
+    bench = Bench(loop_of("vlp16"))
+    bench.feed(bench.arrivals(0, bench.number_at(5.0)))
+    for k in range(5, 25, 4):
+        loss = stream_faults.Loss(bench_rng(), 0.3)
+        bench.feed(bench.arrivals(bench.number_at(k), bench.number_at(k + 2), loss))
+        bench.feed(bench.arrivals(bench.number_at(k + 2), bench.number_at(k + 4)))
+    assert [told.cause for told in bench.told] == ["missing_packets"]
+
+
+def bench_rng() -> stream_faults.np.random.Generator:
+    return stream_faults.np.random.default_rng(9)
+
+
+def explanations() -> list[Explanation]:
+    """Return one of each, with its longest numbers."""
+    longest = {"address": "192.168.100.100", "rows": [100, 101, 102, 103], "state": "GPRMC not valid"}
+    longest |= {"source": "PTP", "why": "the LiDAR refuses parameter 0x0006 (code 32)"}
+    numbers = {
+        "seconds": 100.0,
+        "share": 1.0,
+        "from_deg": 350.0,
+        "to_deg": 350.0,
+        "step_s": -99.9,
+        "ppm": -49e3,
+    }
+    found = []
+    for _, make in inspect.getmembers(explanation, inspect.isfunction):
+        if inspect.signature(make).return_annotation == "Explanation":
+            names = inspect.signature(make).parameters
+            found.append(make(*((longest | numbers)[name] for name in names)))
+    return found
+
+
+def test_each_explanation_fits_a_statustext_and_has_a_remedy() -> None:
+    made = explanations()
+    assert len(made) > 20
+    for one in made:
+        assert len(f"SLZ: {one.text}") <= 50, one.text
+        assert one.text.isascii()
+        assert one.remedy
+        assert one.line == f"{one.sentence}: {one.remedy}"
