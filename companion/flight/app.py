@@ -33,7 +33,7 @@ from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mapping.point_watch import PointWatch
 from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.flight.mode_requests import ModeRequests
-from companion.flight.outputs.lidar_announcer import LidarAnnouncer
+from companion.flight.outputs.announcers.lidar_announcer import LidarAnnouncer
 from companion.flight.outputs.map_circle import landing_circle
 from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.recorder.recordings import Recordings

@@ -10,7 +10,7 @@ from companion.flight.landing.executive import Executive
 from companion.flight.landing.landing_point_announcer import LandingPointAnnouncer
 from companion.flight.landing.situation import Phase, Severity
 from companion.flight.link.link import Link
-from companion.flight.outputs.wire_announcer import WireAnnouncer
+from companion.flight.outputs.announcers.wire_announcer import WireAnnouncer
 from slz import Report
 
 log = logging.getLogger(__name__)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from companion.flight.landing.situation import Severity
-from companion.flight.outputs.wire_announcer import WireAnnouncer
+from companion.flight.outputs.announcers.wire_announcer import WireAnnouncer
 from slz import LocalFrame, Nearby, Report, Wire
 from slz.landing_point.judgement import unknown
 from slz.wires.sagging_curve import SaggingCurve

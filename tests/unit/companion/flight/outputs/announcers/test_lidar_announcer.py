@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from companion.flight.landing.situation import Severity
-from companion.flight.outputs.lidar_announcer import AGAIN_NS, LidarAnnouncer
+from companion.flight.outputs.announcers.lidar_announcer import AGAIN_NS, LidarAnnouncer
 from tests.unit.companion.flight.sensors.diagnosis.faults import pause
 from tests.unit.companion.flight.sensors.diagnosis.streams import Bench, loop_of
 

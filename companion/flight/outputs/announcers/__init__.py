@@ -1,0 +1,1 @@
+"""What was found, as texts for the pilot."""
