@@ -73,7 +73,15 @@ RUN_BY = {
     "sim": "tests/e2e/test_quickstart.py",
 }
 # Our own modules and targets that take minutes to days; their arguments are read, and nothing is run.
-LONG = "tests.bench", "tests.campaign", "tests.fuzz", "tests.soak", "tests.answers", "tests.mutation"
+LONG = (
+    "tests.bench",
+    "tests.campaign",
+    "tests.fuzz",
+    "tests.soak",
+    "tests.answers",
+    "tests.mutation",
+    "tests.search",
+)
 UNREAD = {
     "tests.fuzz.with_atheris": "needs atheris, which only x86-64 has",
     "venv": "Python's: tests/unit/test_package.py makes such an environment",
@@ -152,6 +160,7 @@ def read_by_module(module: str, words: list[str]) -> None:
     """Let a module read its words as Python's `-m` would."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", [module, *words])
+        patch.delitem(sys.modules, module, raising=False)  # another test may have imported it
         read_only(lambda: runpy.run_module(module, run_name="__main__"))
 
 

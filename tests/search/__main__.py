@@ -1,0 +1,154 @@
+"""Command line of the rare-event search.
+
+python -m tests.search hunt --out out/search            # the program as it is
+python -m tests.search plant --out out/search           # the five planted weaknesses
+python -m tests.search count --landings 10000 --out out/search    # evenly drawn landings
+python -m tests.search count --planted --landings 2000 --out out/search
+python -m tests.search equal --scenarios 100 --out out/search
+python -m tests.search replay FILE.json [--full] [--weakness NAME]
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import json
+import logging
+import sys
+import time
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from tests.search import counts, equality
+from tests.search.flight import TAKEN, fly
+from tests.search.hunt import Hunt
+from tests.search.scenario import Scenario, read
+from tests.search.shrink import shrink
+from tests.search.weaknesses import WEAKNESSES, all_at_once
+
+
+def main() -> None:
+    """Run one command; exit 1 if the program as it is was found unsafe, or a weakness was not found."""
+    own = _arguments()
+    logging.disable(logging.CRITICAL)
+    gc.collect()
+    gc.freeze()  # what is loaded stays: collections between flights need not look at it
+    sys.exit(own.run(own))
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m tests.search", description=__doc__)
+    commands = parser.add_subparsers(required=True)
+    for name, run in (("hunt", _hunt), ("plant", _plant), ("count", _count), ("equal", _equal)):
+        command = commands.add_parser(name)
+        command.set_defaults(run=run)
+        command.add_argument(
+            "--out", type=Path, default=Path("out/search"), help="goes on where it was stopped"
+        )
+        command.add_argument("--seed", type=int, default=1)
+        command.add_argument("--landings", type=int, default=10_000 if name == "count" else 600)
+        command.add_argument("--scenarios", type=int, default=100)
+        command.add_argument("--weakness", choices=WEAKNESSES, nargs="+", default=list(WEAKNESSES))
+        command.add_argument("--failures", type=int, default=3, help="to find before the hunt ends")
+        command.add_argument("--jobs", type=int, default=1)
+        command.add_argument(
+            "--learn", type=int, default=100, help="flights of the hunt that plant begins with"
+        )
+        command.add_argument("--planted", action="store_true", help="count with all weaknesses at once")
+        command.add_argument("--flights-to-shrink", type=int, default=60)
+    replay = commands.add_parser("replay")
+    replay.set_defaults(run=_replay)
+    replay.add_argument("file", type=Path)
+    replay.add_argument("--full", action="store_true", help="with sockets and the finer sensor")
+    replay.add_argument("--weakness", choices=WEAKNESSES)
+    return parser.parse_args()
+
+
+def _hunt(own: argparse.Namespace) -> int:
+    hunt = Hunt(own.out / "hunt.jsonl", fly, own.seed, jobs=own.jobs)
+    failures = hunt.run(own.landings, failures=own.failures)
+    for number, scenario in enumerate(failures):
+        _keep(own, scenario, f"hunt-{number}", None)
+    ends = [one["end"] for one in hunt.flown]
+    print(
+        json.dumps(
+            {"landings": len(ends), "failures": len(failures), "ends": {e: ends.count(e) for e in set(ends)}}
+        )
+    )
+    return int(bool(failures))
+
+
+def _plant(own: argparse.Namespace) -> int:
+    missed = 0
+    learnt = Hunt(own.out / "hunt.jsonl", fly, own.seed, jobs=own.jobs)
+    learnt.run(own.learn, failures=own.learn)
+    for name in own.weakness:
+        started_s = time.process_time()
+        hunt = Hunt(
+            own.out / f"{name}.jsonl",
+            partial(fly, weakness=WEAKNESSES[name]),
+            own.seed,
+            learnt.flown[: own.learn],
+            own.jobs,
+        )
+        found = hunt.run(own.landings)
+        line: dict[str, Any] = {"weakness": name, "found": bool(found), "landings": len(hunt.flown)}
+        line["cpu_s"] = round(sum(one["cpu_s"] for one in hunt.flown), 1)
+        if found:
+            line["safe_without"] = not fly(found[0]).unsafe
+            line["minimal"] = _keep(own, found[0], name, name).changed()
+        line["cpu_s_with_shrinking"] = round(line["cpu_s"] + time.process_time() - started_s, 1)
+        missed += not found
+        print(json.dumps(line), flush=True)
+    return int(bool(missed))
+
+
+def _keep(own: argparse.Namespace, scenario: Scenario, name: str, weakness: str | None) -> Scenario:
+    """Shrink a failure and write it, once; return the minimal scenario."""
+    path = own.out / "failures" / f"{name}.json"
+    if path.exists():
+        return read(path)
+    planted = None if weakness is None else WEAKNESSES[weakness]
+
+    def fails(one: Scenario) -> bool:
+        outcome = fly(one, weakness=planted)
+        return outcome.unsafe and outcome.end != TAKEN
+
+    minimal = shrink(scenario, fails, own.flights_to_shrink)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    document = {"scenario": minimal.changed(), "weakness": weakness, "found": scenario.changed()}
+    document["outcome"] = asdict(fly(minimal, weakness=planted))
+    path.write_text(json.dumps(document, indent=1) + "\n", "utf-8")
+    return minimal
+
+
+def _count(own: argparse.Namespace) -> int:
+    planted = partial(fly, weakness=all_at_once)
+    path = own.out / ("planted_landings.json" if own.planted else "cheap_landings.json")
+    try:
+        found = counts.count(path, own.landings, planted if own.planted else fly, own.seed)
+    except ValueError as error:
+        raise SystemExit(f"tests.search: {error}") from None
+    if not own.planted:
+        (own.out / "counts.json").write_text(json.dumps(counts.evidence(found)) + "\n", "utf-8")
+    print(json.dumps({name: found[name] for name in ("landings", "ends", "least_margin", "cpu_s")}))
+    return int(found["ends"]["unsafe"] > 0)
+
+
+def _equal(own: argparse.Namespace) -> int:
+    found = equality.compare(own.out / "equal.jsonl", own.scenarios)
+    print(json.dumps(found, indent=1))
+    return int(found["equal"] < found["scenarios"])
+
+
+def _replay(own: argparse.Namespace) -> int:
+    name = own.weakness or json.loads(own.file.read_text("utf-8")).get("weakness")
+    outcome = fly(read(own.file), cheap=not own.full, weakness=WEAKNESSES[name] if name else None)
+    print(json.dumps(asdict(outcome), indent=1))
+    return int(outcome.unsafe)
+
+
+if __name__ == "__main__":
+    main()

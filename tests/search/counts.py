@@ -1,0 +1,98 @@
+"""Counts of evenly drawn cheap landings, kept in one JSON file that a later run adds to, and as evidence."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from companion.desk.evidence.landing_counts import counts_document
+from companion.runtime.program_version import program_version
+from tests.search.flight import ENDS, Outcome
+from tests.search.scenario import Scenario, uniform
+
+KEEP_EVERY = 10
+FLIGHTS_OF_A_SEED = 10**7  # numbers of the flights of one seed, for `slz evidence`
+
+
+def count(path: Path, landings: int, fly: Callable[[Scenario], Outcome], seed: int = 1) -> dict[str, Any]:
+    """Fly landings from the number that the file ends with, up to so many in all; return the counts.
+
+    Raises
+    ------
+    ValueError
+        The file was counted by another version of the program.
+    """
+    counts = read(path, seed)
+    while counts["landings"] < landings:
+        scenario = numbered(counts["seed"], counts["landings"])
+        _add(counts, scenario, fly(scenario))
+        if counts["landings"] % KEEP_EVERY == 0 or counts["landings"] == landings:
+            _write(path, counts)
+    return counts
+
+
+def numbered(seed: int, number: int) -> Scenario:
+    """Return the scenario of a number; the same number is the same scenario."""
+    return uniform(np.random.default_rng([seed, number]))
+
+
+def read(path: Path, seed: int = 1) -> dict[str, Any]:
+    """Return the counts of a file, or those before the first landing."""
+    if path.exists():
+        found: dict[str, Any] = json.loads(path.read_text("utf-8"))
+        if found.get("program") != program_version():
+            raise ValueError(f"{path} was counted by another version of the program: use another folder")
+        return found
+    return {
+        "kind": "cheap landings",
+        "program": program_version(),
+        "seed": seed,
+        "landings": 0,
+        "ends": dict.fromkeys(ENDS, 0),
+        "by_hazard": {},
+        "by_fault": {},
+        "unsafe": [],
+        "least_margin": 1.0,
+        "cpu_s": 0.0,
+        "updated": "",
+    }
+
+
+def _add(counts: dict[str, Any], scenario: Scenario, outcome: Outcome) -> None:
+    counts["landings"] += 1
+    counts["ends"][outcome.end] += 1
+    for table, name in (("by_hazard", "hazard"), ("by_fault", "fault")):
+        row = counts[table].setdefault(scenario.text(name), dict.fromkeys(ENDS, 0))
+        row[outcome.end] += 1
+    if outcome.unsafe:
+        counts["unsafe"].append(
+            {
+                "number": counts["landings"] - 1,
+                "end": outcome.end,
+                "margin": outcome.margin,
+                "parts": outcome.parts,
+            }
+            | {"scenario": dict(scenario.values)}
+        )
+    counts["least_margin"] = min(counts["least_margin"], outcome.margin)
+    counts["cpu_s"] = round(counts["cpu_s"] + outcome.cpu_s, 2)
+
+
+def _write(path: Path, counts: dict[str, Any]) -> None:
+    counts["updated"] = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_suffix(".unfinished")
+    unfinished.write_text(json.dumps(counts, indent=1) + "\n", "utf-8")
+    unfinished.replace(path)
+
+
+def evidence(counts: dict[str, Any]) -> dict[str, Any]:
+    """Return the counts as `slz evidence` reads them."""
+    first = counts["seed"] * FLIGHTS_OF_A_SEED
+    hazards = {name: ends for name, ends in counts["by_hazard"].items() if name != "none"}
+    return counts_document("search", [(first, first + counts["landings"])], counts["ends"], hazards)

@@ -1,0 +1,59 @@
+"""Hazard that comes to the landing point: its shape, place and moment are those of a scenario."""
+
+from __future__ import annotations
+
+import math
+
+from sitl.intruders.intruder import Intruder, SimulatedFlight
+from sitl.world.primitives import Box, Ellipsoid, Kind
+from tests.search.scenario import Scenario
+
+FROM_M = 5.0
+POST_M = 0.12  # side of a post
+
+
+class Hazard(Intruder):
+    """Object that slides in from `FROM_M` before its place, which is aside of the landing point.
+
+    Attributes
+    ----------
+    parts
+        Boxes and balls about its own origin.
+    """
+
+    what = "hazard"
+    end = "has stopped"
+
+    def __init__(self, scenario: Scenario) -> None:
+        super().__init__(scenario.number("hazard_below_m"))
+        self.parts = (_shape(scenario),)
+        self._aside_m = scenario.number("hazard_aside_m")
+        self._aside_rad = math.radians(scenario.number("hazard_aside_deg"))
+        self._from_rad = math.radians(scenario.number("hazard_from_deg"))
+        self._speed_ms = scenario.number("hazard_speed_ms")
+
+    def start(self, s: SimulatedFlight) -> None:
+        s.scene.world.add_mover(self.what, self.parts, *self._at(FROM_M), 0.0)
+
+    def move(self, s: SimulatedFlight, since_s: float) -> bool:
+        left_m = max(0.0, FROM_M - self._speed_ms * since_s)
+        s.scene.world.move(self.what, *self._at(left_m), 0.0)
+        return left_m == 0.0
+
+    def _at(self, left_m: float) -> tuple[float, float]:
+        """Return east and north, so far from its place."""
+        x, y = self.goal
+        x += self._aside_m * math.sin(self._aside_rad) + left_m * math.sin(self._from_rad)
+        y += self._aside_m * math.cos(self._aside_rad) + left_m * math.cos(self._from_rad)
+        return x, y
+
+
+def _shape(scenario: Scenario) -> Box | Ellipsoid:
+    size, height = scenario.number("hazard_size_m"), scenario.number("hazard_height_m")
+    match scenario.text("hazard"):
+        case "ball":
+            radius = min(size, height) / 2
+            return Ellipsoid(0.0, 0.0, radius, radius, radius, radius, Kind.WOOD, "ball")
+        case "post":
+            return Box(0.0, 0.0, 0.0, POST_M, POST_M, height, kind=Kind.WOOD, name="post")
+    return Box(0.0, 0.0, 0.0, size, size, height, kind=Kind.WOOD, name="box")

@@ -1,0 +1,108 @@
+"""Hunt for an unsafe touchdown: generations of flights, kept in a file from which a later run goes on."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from tests.search.cross_entropy import Scored, next_generation
+from tests.search.flight import REFUSED, TAKEN, Outcome
+from tests.search.scenario import Scenario
+
+Fly = Callable[[Scenario], Outcome]
+Flown = dict[str, Any]
+GENERATION = 20
+EPOCH = 20 * GENERATION  # then the search begins anew, in case it is stuck
+
+
+class Hunt:
+    """Search of one program for unsafe touchdowns.
+
+    Parameters
+    ----------
+    path
+        File of flights, a line of JSON each.
+    fly
+        Flies a scenario.
+    learnt
+        Flights of another hunt, to begin with what they teach; a new beginning is without them.
+    jobs
+        Processes that fly; with more than one, `fly` must be picklable.
+
+    Attributes
+    ----------
+    flown
+        All flights, in their order: scenario, margin, score, end.
+    failures
+        Scenarios with an unsafe touchdown of the companion's own.
+    """
+
+    def __init__(self, path: Path, fly: Fly, seed: int, learnt: Sequence[Flown] = (), jobs: int = 1) -> None:
+        self._path, self._fly, self._seed, self._jobs = path, fly, seed, jobs
+        self._learnt = _scored(learnt)
+        self.flown: list[Flown] = _read(path)
+        self.failures = [Scenario.of(**one["scenario"]) for one in self.flown if is_failure(one)]
+
+    def run(self, budget: int, *, failures: int = 1) -> list[Scenario]:
+        """Fly until as many failures are found or the budget is flown; return the failures."""
+        while len(self.flown) < budget and len(self.failures) < failures:
+            generation, done = divmod(len(self.flown), GENERATION)
+            rng = np.random.default_rng([self._seed, generation])
+            first = len(self.flown) // EPOCH * EPOCH
+            scored = _scored(self.flown[first : generation * GENERATION]) + (
+                self._learnt if not first else []
+            )
+            scenarios = next_generation(rng, scored, GENERATION)[done:]
+            for scenario, outcome in zip(scenarios, self._outcomes(scenarios), strict=True):
+                self._note(scenario, outcome)
+                if len(self.flown) >= budget or len(self.failures) >= failures:
+                    break
+        return self.failures
+
+    def _outcomes(self, scenarios: list[Scenario]) -> Iterator[Outcome]:
+        """Yield the outcomes in order."""
+        if self._jobs == 1:
+            yield from map(self._fly, scenarios)
+            return
+        with multiprocessing.get_context("forkserver").Pool(self._jobs) as pool:
+            yield from pool.imap(self._fly, scenarios)
+
+    def _note(self, scenario: Scenario, outcome: Outcome) -> None:
+        flown = {"scenario": dict(scenario.values)} | asdict(outcome)
+        self.flown.append(flown)
+        if is_failure(flown):
+            self.failures.append(scenario)
+        self._path.parent.mkdir(parents=True, exist_ok=True)
+        with self._path.open("a", encoding="utf-8") as out:
+            out.write(json.dumps(flown) + "\n")
+
+
+def _read(path: Path) -> list[Flown]:
+    """Return the flights of a file; a last line cut short by a stop is removed from it."""
+    if not path.exists():
+        return []
+    text = path.read_text("utf-8")
+    whole = text[: text.rfind("\n") + 1]
+    if whole != text:
+        path.write_text(whole, "utf-8")
+    return [json.loads(line) for line in whole.splitlines()]
+
+
+def _scored(flown: Sequence[Flown]) -> list[Scored]:
+    """Return scores to learn from: not of what failed, was refused, or landed by the autopilot alone."""
+    return [
+        (one["score"], one["end"], Scenario.of(**one["scenario"]))
+        for one in flown
+        if one["end"] not in (TAKEN, REFUSED) and not is_failure(one)
+    ]
+
+
+def is_failure(flown: Flown) -> bool:
+    """Return whether a flight ended unsafely, and not by a failsafe of the autopilot."""
+    return bool(flown["margin"] < 0.0 and flown["end"] != TAKEN)

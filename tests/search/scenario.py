@@ -1,0 +1,151 @@
+"""Scenarios of the search: a vector of named parameters, each with its range and default."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+SCENES = ("landing_site", "buildings", "borrow_pit")
+KINDS = ("none", "box", "ball", "post")
+FAULTS = (
+    *("none", "lidar_half", "lidar_stop", "lidar_stuck", "lidar_clock", "lidar_plumes", "lidar_dust"),
+    *("link_bursts", "link_reordering", "link_duplicates", "ekf_jump", "estimate_sway", "gps_multipath"),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Range of a number, and its default: that of a flight in which nothing happens."""
+
+    low: float
+    high: float
+    default: float
+    whole: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Choice of one of several; the first is the default."""
+
+    values: tuple[str, ...]
+
+    @property
+    def default(self) -> str:
+        return self.values[0]
+
+
+SPACE: dict[str, Range | Choice] = {
+    "scene": Choice(SCENES),
+    "seed": Range(0, 19, 0, whole=True),
+    "start_deg": Range(0.0, 360.0, 0.0),
+    "point_east_m": Range(-3.0, 3.0, 0.0),
+    "point_north_m": Range(-3.0, 3.0, 0.0),
+    "wind_ms": Range(0.0, 8.0, 0.0),
+    "wind_from_deg": Range(0.0, 360.0, 0.0),
+    "gust_ms": Range(0.0, 2.5, 0.0),
+    "drift_ms": Range(0.0, 0.1, 0.0),
+    "drift_to_deg": Range(0.0, 360.0, 0.0),
+    "dust_below_m": Range(0.0, 2.0, 0.0),
+    "link_delay_s": Range(0.0, 0.2, 0.0),
+    "late_s": Range(0.0, 0.8, 0.0),
+    "fault": Choice(FAULTS),
+    "fault_below_m": Range(1.0, 7.0, 7.0),
+    "fault_s": Range(0.5, 10.0, 0.5),
+    "hazard": Choice(KINDS),
+    "hazard_size_m": Range(0.3, 3.0, 1.0),
+    "hazard_height_m": Range(0.4, 2.5, 1.0),
+    "hazard_aside_m": Range(0.0, 5.0, 0.0),
+    "hazard_aside_deg": Range(0.0, 360.0, 0.0),
+    "hazard_from_deg": Range(0.0, 360.0, 0.0),
+    "hazard_speed_ms": Range(4.0, 10.0, 6.0),
+    "hazard_below_m": Range(4.0, 7.0, 7.0),
+}
+"""Parameters of a scenario.
+
+start: bearing of the place of the take-off. point: ordered, from the scene's safe place. seed: moves what the
+scene holds, sensor noise and gusts. drift: of the GPS position, in the descent. dust: the rotors raise it
+below that height. link_delay_s: of every message, either way. late_s: of every computed window. A fault lasts
+fault_s from when the vehicle sinks below fault_below_m. The hazard comes `hazard.FROM_M` from the compass
+direction hazard_from_deg when the vehicle sinks below hazard_below_m, and stops aside of the point.
+"""
+
+Value = float | str
+DEFAULTS: dict[str, Value] = {name: part.default for name, part in SPACE.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Scenario:
+    """One scenario; the same values are the same flight."""
+
+    values: Mapping[str, Value]
+
+    @classmethod
+    def of(cls, **values: Value) -> Scenario:
+        """Return the default scenario with other values of some parameters.
+
+        Raises
+        ------
+        ValueError
+            A parameter is unknown or its value out of range.
+        """
+        for name, value in values.items():
+            part = SPACE.get(name)
+            if part is None:
+                raise ValueError(f"scenario: there is no parameter {name!r}")
+            inside = (
+                value in part.values
+                if isinstance(part, Choice)
+                else not isinstance(value, str) and part.low <= value <= part.high
+            )
+            if not inside:
+                raise ValueError(f"scenario: {name} cannot be {value!r}")
+        return cls(DEFAULTS | values)
+
+    def number(self, name: str) -> float:
+        return float(self.values[name])
+
+    def text(self, name: str) -> str:
+        return str(self.values[name])
+
+    def changed(self) -> dict[str, Value]:
+        """Return the parameters that are not at their defaults."""
+        return {name: value for name, value in self.values.items() if value != DEFAULTS[name]}
+
+    def replaced(self, name: str, value: Value) -> Scenario:
+        """Return a scenario with another value of one parameter."""
+        return Scenario({**self.values, name: value})
+
+
+def uniform(rng: np.random.Generator) -> Scenario:
+    """Draw every parameter evenly from its range."""
+    return Scenario({name: draw(part, rng) for name, part in SPACE.items()})
+
+
+def draw(part: Range | Choice, rng: np.random.Generator) -> Value:
+    """Draw one parameter evenly."""
+    if isinstance(part, Choice):
+        return part.values[int(rng.integers(len(part.values)))]
+    return rounded(part, float(rng.uniform(part.low, part.high)))
+
+
+def rounded(part: Range, value: float) -> float:
+    """Return a value within its range, a whole one where it must be, else with four digits."""
+    inside = min(max(value, part.low), part.high)
+    return float(round(inside)) if part.whole else float(round(inside, 4))
+
+
+def read(path: Path) -> Scenario:
+    """Read a scenario from a JSON file with the key "scenario", or of its values alone.
+
+    Raises
+    ------
+    ValueError
+        The file holds no scenario.
+    """
+    found: Any = json.loads(path.read_text("utf-8"))
+    return Scenario.of(**found.get("scenario", found))

@@ -1,0 +1,180 @@
+"""Five weaknesses that can be planted in the decisions of a flight; the program itself has none of them.
+
+Each is narrow: it is whole only where several conditions meet, and fades with the distance from there. A
+weakness without such a slope is found no sooner than by chance, by any search.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
+from functools import partial
+from unittest import mock
+
+import numpy as np
+
+from companion.flight.landing.situation import Phase, Situation, VehicleCommands
+from slz import PointState, SelectedPoint
+from tests.search.flight import SearchFlight, Weakness
+
+BLIND_S = 2.0  # about: from 3.5 m down to where a landing is not broken off any more
+SHIFT_M = 1.5
+UNKNOWN_HEIGHT_M = 0.5  # of what the map alone shows
+
+
+def tent(value: float, peak: float, half: float) -> float:
+    """Return 1 at the peak, 0 from `half` away, linear between."""
+    return max(0.0, 1.0 - abs(value - peak) / half)
+
+
+def turned(value_deg: float, peak_deg: float, half_deg: float) -> float:
+    """Return the tent of an angle."""
+    off = (value_deg - peak_deg + 180.0) % 360.0 - 180.0
+    return tent(off, 0.0, half_deg)
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """What the decisions see when something comes: heights, wind and angles.
+
+    height_m: of the vehicle over the point. tall_m: of what came, over the ground. bearing_deg: from
+    the point to what came, compass. age_s: of the newest report.
+    """
+
+    height_m: float
+    wind_ms: float
+    wind_from_deg: float
+    heading_deg: float
+    tall_m: float
+    bearing_deg: float
+    age_s: float
+    lost: bool
+
+
+def moment(flight: SearchFlight, s: Situation) -> Moment:
+    """Return the moment of a situation."""
+    aim, intrusion = flight.companion.executive.state.aim, s.intrusion
+    tall, bearing = UNKNOWN_HEIGHT_M, 0.0
+    if intrusion is not None and aim.enu_m is not None:
+        tall = intrusion.height_m
+        east, north = (float(v) for v in (intrusion.enu_m - aim.enu_m)[:2])
+        bearing = math.degrees(math.atan2(east, north)) % 360.0
+    return Moment(
+        height_m=aim.height_left_m,
+        wind_ms=0.0 if s.wind is None else s.wind.speed_ms,
+        wind_from_deg=0.0 if s.wind is None else math.degrees(s.wind.from_rad),
+        heading_deg=math.degrees(s.heading_rad or 0.0) % 360.0,
+        tall_m=tall,
+        bearing_deg=bearing,
+        age_s=0.0 if s.report is None else (s.now_ns - s.report.stamp_ns) * 1e-9,
+        lost=not s.lidar_ok,
+    )
+
+
+class _Blind:
+    """Source of situations that hides what came for a while, or that the LiDAR is lost.
+
+    What moves elsewhere is never seen in the descent: the landing does not wait for it.
+    """
+
+    def __init__(self, flight: SearchFlight, share: Callable[[Moment], float]) -> None:
+        self._flight, self._share = flight, share
+        self._true = flight.companion.situations.situation
+        self._clean: SelectedPoint | None = None
+        self._until_ns: int | None = None
+
+    def situation(self) -> Situation:
+        s = self._true()
+        if self._flight.phase not in (Phase.DESCEND, Phase.FINAL):
+            self._clean, self._until_ns = s.selected, None
+            return s
+        s = replace(s, moving=())
+        came = s.selected is None or s.selected.state is not PointState.SAFE
+        if not came and s.lidar_ok:
+            self._clean = s.selected
+            return s
+        if self._until_ns is None:
+            share = self._share(moment(self._flight, s))
+            self._until_ns = s.now_ns + round(BLIND_S * share * 1e9)
+        if s.now_ns >= self._until_ns or self._clean is None:
+            return s
+        return replace(s, selected=self._clean, intrusion=None, lidar_ok=True)
+
+
+@contextmanager
+def _blind(flight: SearchFlight, share: Callable[[Moment], float]) -> Iterator[None]:
+    with mock.patch.object(flight.companion.situations, "situation", _Blind(flight, share).situation):
+        yield
+
+
+def crosswind(m: Moment) -> float:
+    """What comes is ignored for seconds if it is 1.1 m high, the wind is strong, and the nose about south."""
+    return tent(m.wind_ms, 6.0, 5.0) * turned(m.heading_deg, 200.0, 150.0) * tent(m.tall_m, 1.1, 1.2)
+
+
+def between_heights(m: Moment) -> float:
+    """The watch stops between two heights, for what is 0.7 m high and comes on from the east."""
+    return tent(m.height_m, 3.6, 2.5) * turned(m.bearing_deg, 90.0, 150.0) * tent(m.tall_m, 0.7, 1.2)
+
+
+def stale_evidence(m: Moment) -> float:
+    """The age of the evidence is ignored in the autopilot's landing, when the LiDAR is lost at 3.8 m."""
+    share = tent(m.height_m, 3.8, 2.5) * tent(m.wind_ms, 4.0, 5.0) * turned(m.heading_deg, 90.0, 170.0)
+    return 1.6 * share if m.lost else 0.0
+
+
+def late_computer(m: Moment) -> float:
+    """A slow computer and wind from the north-west together let what comes be ignored."""
+    return tent(m.age_s, 1.1, 0.8) * turned(m.wind_from_deg, 315.0, 150.0) * tent(m.wind_ms, 5.0, 4.0)
+
+
+def clock_offset(m: Moment, delay_s: float) -> float:
+    """A link late by about 0.12 s, in a wind from the south, shifts position and landing target east."""
+    return tent(delay_s, 0.12, 0.1) * turned(m.wind_from_deg, 180.0, 150.0) * tent(m.wind_ms, 5.0, 4.0)
+
+
+@contextmanager
+def _shifted(flight: SearchFlight) -> Iterator[None]:
+    companion = flight.companion
+    true, execute = companion.situations.situation, companion.executive.step
+    delay_s = flight.scenario.number("link_delay_s")
+
+    def shift_m(s: Situation) -> np.ndarray:
+        return np.array([SHIFT_M * clock_offset(moment(flight, s), delay_s), 0.0, 0.0])
+
+    def situation() -> Situation:
+        s = true()
+        if s.position_enu_m is None or flight.phase not in (Phase.DESCEND, Phase.FINAL):
+            return s
+        return replace(s, position_enu_m=s.position_enu_m - shift_m(s))
+
+    def step(s: Situation) -> VehicleCommands:
+        commands = execute(s)
+        if commands.target_enu_m is None or flight.phase not in (Phase.DESCEND, Phase.FINAL):
+            return commands
+        return replace(commands, target_enu_m=commands.target_enu_m + shift_m(s))
+
+    with (
+        mock.patch.object(companion.situations, "situation", situation),
+        mock.patch.object(companion.executive, "step", step),
+    ):
+        yield
+
+
+@contextmanager
+def all_at_once(flight: SearchFlight) -> Iterator[None]:
+    """Plant all five."""
+    with ExitStack() as stack:
+        for weakness in WEAKNESSES.values():
+            stack.enter_context(weakness(flight))
+        yield
+
+
+SHARES = {one.__name__: one for one in (crosswind, between_heights, stale_evidence, late_computer)}
+WEAKNESSES: dict[str, Weakness] = {
+    **{name: partial(_blind, share=share) for name, share in SHARES.items()},
+    "clock_offset": _shifted,
+}
+"""By name: plants a weakness in a flight while the context lasts."""

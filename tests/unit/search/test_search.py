@@ -1,0 +1,193 @@
+"""Rare-event search without a flight: scenarios, cross-entropy, hunt, shrinking, counts."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from companion.desk.evidence.artefact_fields import Fields
+from companion.desk.evidence.landing_counts import read_counts
+from companion.runtime.program_version import program_version
+from tests.search import counts
+from tests.search.cross_entropy import next_generation
+from tests.search.equality import figures
+from tests.search.flight import Outcome
+from tests.search.hunt import GENERATION, Hunt
+from tests.search.scenario import DEFAULTS, SPACE, Range, Scenario, read, uniform
+from tests.search.shrink import shrink
+
+PEAK = {"wind_ms": 6.0, "wind_from_deg": 350.0, "hazard_height_m": 1.1, "hazard_below_m": 4.4}
+
+
+def outcome(margin: float, end: str = "") -> Outcome:
+    end = end or ("unsafe" if margin < 0 else "safe")
+    return Outcome(end, margin, margin, {"hazard": margin}, [], None, 20.0, 1.0)
+
+
+def narrow(scenario: Scenario) -> Outcome:
+    """Return the outcome by the distance from a peak in four parameters, unsafe in 0.02 % of the space."""
+    if scenario.text("hazard") != "box":
+        return outcome(1.0)
+    share = 1.0
+    for name, peak in PEAK.items():
+        part = SPACE[name]
+        assert isinstance(part, Range)
+        span = part.high - part.low
+        off = abs(scenario.number(name) - peak)
+        off = min(off, span - off) if name.endswith("_deg") else off
+        share *= max(0.0, 1.0 - off / (0.6 * span))
+    return outcome(0.7 - share)
+
+
+def test_a_scenario_names_its_parameters() -> None:
+    assert Scenario.of().changed() == {}
+    assert Scenario.of(wind_ms=3.0).changed() == {"wind_ms": 3.0}
+    with pytest.raises(ValueError, match="no parameter 'wind'"):
+        Scenario.of(wind=3.0)
+    for name, value in (("wind_ms", 9.0), ("wind_ms", "3"), ("hazard", "cube"), ("late_s", float("nan"))):
+        with pytest.raises(ValueError, match=name):
+            Scenario.of(**{name: value})
+
+
+def test_even_draws_are_inside_and_repeat() -> None:
+    drawn = [uniform(np.random.default_rng(number)) for number in range(50)]
+    assert all(Scenario.of(**one.values) == one for one in drawn)
+    assert drawn == [uniform(np.random.default_rng(number)) for number in range(50)]
+    assert {one.text("fault") for one in drawn} > {"none", "lidar_stop"}
+
+
+def test_a_file_holds_what_is_not_at_its_default(tmp_path: Path) -> None:
+    path = tmp_path / "one.json"
+    path.write_text(json.dumps({"scenario": {"wind_ms": 3.0}, "weakness": None}))
+    assert read(path) == Scenario.of(wind_ms=3.0)
+
+
+def test_the_search_finds_what_even_draws_miss(tmp_path: Path) -> None:
+    rng = np.random.default_rng(7)
+    assert not any(narrow(uniform(rng)).unsafe for _ in range(2000))
+    for seed in range(3):
+        hunt = Hunt(tmp_path / f"{seed}.jsonl", narrow, seed)
+        assert len(hunt.run(800)) == 1
+        assert narrow(hunt.failures[0]).unsafe
+
+
+def test_a_hunt_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
+    whole, parts = (Hunt(tmp_path / name, narrow, 1) for name in ("whole.jsonl", "parts.jsonl"))
+    whole.run(3 * GENERATION + 5, failures=9)
+    parts.run(GENERATION + 7, failures=9)
+    with (tmp_path / "parts.jsonl").open("a") as file:
+        file.write('{"scenario": {"wi')  # the computer went off
+    again = Hunt(tmp_path / "parts.jsonl", narrow, 1)
+    again.run(3 * GENERATION + 5, failures=9)
+    assert again.flown == whole.flown
+
+
+def test_failures_and_failsafes_are_no_examples(tmp_path: Path) -> None:
+    ends = iter([outcome(-0.5), outcome(-0.4, "failsafe"), *(outcome(0.5 + 0.01 * n) for n in range(100))])
+    hunt = Hunt(tmp_path / "hunt.jsonl", lambda _: next(ends), 1)
+    assert len(hunt.run(50, failures=2)) == 1
+    assert len(hunt.flown) == 50
+    scenarios = [Scenario.of(**one["scenario"]) for one in hunt.flown]
+    learnt = [(one["score"], "safe", s) for one, s in zip(hunt.flown[2:40], scenarios[2:40], strict=True)]
+    drawn = next_generation(np.random.default_rng([1, 2]), learnt, GENERATION)
+    assert scenarios[40:50] == drawn[:10]
+
+
+def fails_by_wind_and_box(scenario: Scenario) -> bool:
+    return scenario.number("wind_ms") > 3.0 and scenario.text("hazard") == "box"
+
+
+def test_a_failure_shrinks_to_what_it_takes() -> None:
+    start = uniform(np.random.default_rng(3)).replaced("wind_ms", 8.0).replaced("hazard", "box")
+    minimal = shrink(start, fails_by_wind_and_box)
+    assert set(minimal.changed()) == {"wind_ms", "hazard"}
+    assert 3.0 < minimal.number("wind_ms") <= 4.0
+
+
+def test_shrinking_keeps_to_its_flights_and_never_loses_the_failure() -> None:
+    flown: list[Scenario] = []
+
+    def fails(scenario: Scenario) -> bool:
+        flown.append(scenario)
+        return fails_by_wind_and_box(scenario)
+
+    start = Scenario({**uniform(np.random.default_rng(4)).values, "wind_ms": 8.0, "hazard": "box"})
+    minimal = shrink(start, fails, most=5)
+    assert len(flown) == 5
+    assert fails_by_wind_and_box(minimal)
+
+
+def counted(path: Path, landings: int, fly: Callable[[Scenario], Outcome] = narrow) -> dict[str, object]:
+    found = counts.count(path, landings, fly)
+    return {name: value for name, value in found.items() if name != "updated"}
+
+
+def test_counts_go_on_where_they_were_stopped(tmp_path: Path) -> None:
+    counted(tmp_path / "parts.json", 13)
+    assert counted(tmp_path / "parts.json", 25) == counted(tmp_path / "whole.json", 25)
+    kept = json.loads((tmp_path / "whole.json").read_text())
+    assert kept["landings"] == 25
+    assert kept["ends"]["safe"] == 25
+    assert sum(row["safe"] for row in kept["by_hazard"].values()) == 25
+
+
+def test_an_unsafe_landing_is_counted_with_its_scenario(tmp_path: Path) -> None:
+    found = counts.count(tmp_path / "counts.json", 3, lambda _: outcome(-0.2))
+    assert found["ends"]["unsafe"] == 3
+    assert found["least_margin"] == -0.2
+    assert [one["number"] for one in found["unsafe"]] == [0, 1, 2]
+    assert Scenario.of(**found["unsafe"][1]["scenario"]) == counts.numbered(1, 1)
+
+
+def test_outcomes_are_equal_if_both_or_neither_landed_and_both_are_as_safe() -> None:
+    def flown(number: int, cheap: str, full: str, margins: tuple[float, float]) -> dict[str, object]:
+        both = {"cheap": (cheap, margins[0]), "full": (full, margins[1])}
+        return {"number": number} | {
+            how: {
+                "end": end,
+                "margin": margin,
+                "touchdown": {} if end == "refused" else {"e": 0.0},
+                "cpu_s": 1.0,
+            }
+            for how, (end, margin) in both.items()
+        }
+
+    found = figures(
+        [
+            flown(0, "safe", "safe", (0.3, 0.2)),
+            flown(1, "aborted", "refused", (0.5, 1.0)),
+            flown(2, "unsafe", "safe", (-0.3, 0.2)),
+        ]
+    )
+    assert (found["equal"], found["same_end"], found["same_safety"]) == (2, 1, 2)
+    assert found["unequal"] == [2]
+    assert found["margin_off"]["p100"] == 0.5
+
+
+def test_the_default_scenario_is_one_in_which_nothing_happens() -> None:
+    quiet = {name for name, value in DEFAULTS.items() if value in (0.0, "none")}
+    assert {
+        "wind_ms",
+        "gust_ms",
+        "drift_ms",
+        "dust_below_m",
+        "link_delay_s",
+        "late_s",
+        "fault",
+        "hazard",
+    } <= quiet
+
+
+def test_counts_are_evidence_of_this_version_and_go_on_with_no_other(tmp_path: Path) -> None:
+    path = tmp_path / "counts.json"
+    document = counts.evidence(counts.count(path, 4, lambda _: outcome(0.3)))
+    (flights, *_) = read_counts(Fields("counts.json", document))
+    assert (flights.runs, flights.unsafe) == (4, 0)
+    assert (document["program"], document["safe"]) == (program_version(), 4)
+    path.write_text(path.read_text().replace(program_version(), "0.1.0+0"))
+    with pytest.raises(ValueError, match="another version"):
+        counts.count(path, 5, lambda _: outcome(0.3))
