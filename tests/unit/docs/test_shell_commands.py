@@ -7,6 +7,7 @@ import contextlib
 import glob
 import importlib.util
 import io
+import logging
 import re
 import runpy
 import subprocess
@@ -160,7 +161,10 @@ def read_by_module(module: str, words: list[str]) -> None:
     """Let a module read its words as Python's `-m` would."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "argv", [module, *words])
-        patch.delitem(sys.modules, module, raising=False)  # another test may have imported it
+        for name in (module, f"{module}.__main__"):  # another test may have imported it
+            if not hasattr(sys.modules.get(name), "__path__"):
+                patch.delitem(sys.modules, name, raising=False)
+        patch.setattr(logging, "disable", lambda _level: None)  # it would last for all tests that follow
         read_only(lambda: runpy.run_module(module, run_name="__main__"))
 
 
