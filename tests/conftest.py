@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import shutil
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -77,3 +79,10 @@ def mavproxy(request: pytest.FixtureRequest) -> Path:
     if not path.is_file():
         pytest.skip(f"there is no {path}: pip install --no-deps MAVProxy")
     return path.resolve()
+
+
+@pytest.fixture(autouse=True)
+def _logging_stays_on() -> Iterator[None]:
+    """Switch logging on again after each test: some programs that tests run switch it off for good."""
+    yield
+    logging.disable(logging.NOTSET)
