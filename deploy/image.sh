@@ -23,7 +23,7 @@ read -ra options <<< "${BUILDAH:-}"
 
 if [ ! -e "$work/root/etc/debian_version" ]; then
     debootstrap --arch="$arch" --variant=minbase --include=python3,python3-venv,ca-certificates,procps \
-        bookworm "$work/root" "${DEBIAN:-http://deb.debian.org/debian}"
+        bookworm "$work/root" ${DEBIAN:+"$DEBIAN"}
     chroot "$work/root" apt-get clean
     rm -rf "$work"/root/var/lib/apt/lists/* "$work"/root/usr/share/{doc,man,locale,info}/*
 fi

@@ -1,1 +1,1 @@
-"""What was found, as texts for the pilot."""
+"""Announcers: texts for the pilot about wires that were found, and about faults of the LiDAR."""
