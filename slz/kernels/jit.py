@@ -16,6 +16,7 @@ from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type
 
 import numba
 import numpy as np
+from numba.core.registry import CPUDispatcher
 
 from slz.kernels.source_stamp import stamp
 
@@ -33,15 +34,46 @@ def kernel(function: F) -> F:
     A type variable with constraints stands for each of them, a compilation each.
     """
     compiled = _compiled(function)
-    if hasattr(compiled, "compile"):
-        for signature in signatures(function):
-            compiled.compile(signature)
-        compiled.disable_compile()
-        module = function.__module__
-        if module not in _logged and compiled.stats.cache_misses:
-            _logged.add(module)
-            log.info("%s is used for the first time on this computer: its kernels are compiled", module)
+    if isinstance(compiled, CPUDispatcher):
+        _compile(compiled)
     return cast(F, compiled)
+
+
+def kernel_part(function: F) -> F:
+    """Compile a function that only kernels call with the first of these, for the types in its annotations.
+
+    A kernel that comes from the cache contains its parts, which are then neither compiled nor loaded.
+    """
+    compiled = _compiled(function)
+    if isinstance(compiled, CPUDispatcher):
+        compiled.__class__ = _UncompiledPart
+    return cast(F, compiled)
+
+
+class _UncompiledPart(CPUDispatcher):
+    """Numba's dispatcher of a function before its compilation, which the first use causes."""
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        return self._whole().get_call_template(args, kws)
+
+    def __call__(self, *args: Any, **kws: Any) -> Any:
+        return self._whole()(*args, **kws)
+
+    def _whole(self) -> Any:
+        self.__class__ = CPUDispatcher  # type: ignore[assignment]
+        _compile(self)
+        return self
+
+
+def _compile(compiled: Any) -> None:
+    """Compile a function for the types in its annotations, and for no others."""
+    for signature in signatures(compiled.py_func):
+        compiled.compile(signature)
+    compiled.disable_compile()
+    module = compiled.py_func.__module__
+    if module not in _logged and compiled.stats.cache_misses:
+        _logged.add(module)
+        log.info("%s is used for the first time on this computer: its kernels are compiled", module)
 
 
 def kernel_for_any_types(function: F) -> F:

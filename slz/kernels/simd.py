@@ -18,7 +18,7 @@ from numba import config, types
 from numba.extending import intrinsic, models, overload, register_model
 
 from slz.kernels.argument_types import Array1D
-from slz.kernels.jit import kernel, kernel_for_any_types
+from slz.kernels.jit import kernel, kernel_for_any_types, kernel_part
 
 LANES = 16
 FLOAT, DOUBLE, FLAG, INT32 = ir.FloatType(), ir.DoubleType(), ir.IntType(1), ir.IntType(32)
@@ -220,7 +220,7 @@ def maximum(a: Floats, b: Floats) -> Floats:
     return where(b < a, a, b)
 
 
-@kernel
+@kernel_part
 def aligned_empty(count: int) -> Array1D[np.float32]:
     """Return uninitialised float32, aligned to a cache line: lanes that straddle two lines are slower."""
     whole = np.empty(count + LANES, np.float32)

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, ReadOnly1D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 # Columns of a position sample: east, north, up; their rates; a number that changes when the estimate or the
 # clock of its stamps jumps.
@@ -41,7 +41,7 @@ def segment(stamp_ns: Array1D[np.int64], t_ns: int, hint: int) -> int:
     return i
 
 
-@kernel
+@kernel_part
 def rotation_enu(quat_wxyz: Array1D[np.float64], out: Array2D[np.float64]) -> None:
     """Write the rotation of body forward-right-down into east-north-up from the quaternion into NED."""
     w, x, y, z = quat_wxyz[0], quat_wxyz[1], quat_wxyz[2], quat_wxyz[3]
@@ -56,7 +56,7 @@ def rotation_enu(quat_wxyz: Array1D[np.float64], out: Array2D[np.float64]) -> No
     out[2, 2] = -1 + 2 * (x * x + y * y)
 
 
-@kernel
+@kernel_part
 def turn_between(
     before: Array1D[np.float64], after: Array1D[np.float64]
 ) -> tuple[float, float, float, float]:
@@ -74,7 +74,7 @@ def turn_between(
     return x * scale, y * scale, z * scale, 2 * math.atan2(sine, abs(w))
 
 
-@kernel
+@kernel_part
 def sine_versine_of_small(angle: float) -> tuple[float, float]:
     """Return sin and 1 - cos of an angle below half a radian from their series, with an error of 1e-11."""
     s = angle * angle  # reciprocals, because a chain of divisions takes longer than the rest of a return
@@ -83,7 +83,7 @@ def sine_versine_of_small(angle: float) -> tuple[float, float]:
     return sine, versine
 
 
-@kernel
+@kernel_part
 def sine_versine(angle: float) -> tuple[float, float]:
     """Return sin and 1 - cos of an angle."""
     if angle > SMALL_RAD:
@@ -91,7 +91,7 @@ def sine_versine(angle: float) -> tuple[float, float]:
     return sine_versine_of_small(angle)
 
 
-@kernel
+@kernel_part
 def hermite_cubic(samples: Array2D[np.float64], i: int, span_s: float, out: Array2D[np.float64]) -> None:
     """Write the coefficients (4, 3), constant first, of the cubic from sample i to i + 1.
 

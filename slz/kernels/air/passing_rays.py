@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D, Strided2D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 # Fields of a column's record: lowest and highest return (m); number of rays it returned, of those that passed
 # between the first and the last one that it or a column around returned, and of those since; the same of
@@ -49,7 +49,7 @@ def _mark(
                 looks[k] = max(looks[k], look)
 
 
-@kernel
+@kernel_part
 def _end_scan(looks: Array1D[np.uint8], records: Array2D[np.float64]) -> None:
     """Count a scan for each column that it passed, or of whose object it returned rays."""
     for k in range(len(records)):

@@ -6,7 +6,7 @@ import numpy as np
 
 from slz.kernels.air.swept_disc import bearings_within, passes
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, ReadOnly1D, ReadOnly2D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 SIDE = 256  # columns of a row, a power of two: the column of a place is its index modulo SIDE
 LEVELS = 64  # voxels of a column
@@ -87,7 +87,7 @@ def rays_through(
     return out
 
 
-@kernel
+@kernel_part
 def mark_unseen_lines(
     passed: Array3D[np.uint8],
     column: Array3D[np.int32],

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel_part
 
 
-@kernel
+@kernel_part
 def passes(along: float, aside: float, radius: float, spread: float) -> tuple[float, float]:
     """Return the least and greatest distance to the point at which the disc covers a place; not below 0.
 
@@ -28,7 +28,7 @@ def passes(along: float, aside: float, radius: float, spread: float) -> tuple[fl
     return max(0.0, (b - root) / a), (b + root) / a
 
 
-@kernel
+@kernel_part
 def bearings_within(away: float, radius: float, spread: float, width: float) -> int:
     """Return how many steps of `width` (rad) to each side corridors may cover a place so far `away`."""
     nearest = (away - radius) / (1 + spread)  # of the vehicle to the point, when it covers the place

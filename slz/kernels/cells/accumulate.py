@@ -28,7 +28,7 @@ from slz.kernels.cells.cell_record import (
     TILE_BITS,
     TIME,
 )
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.simd import LANES, load, prefetch, store
 
 OUTSIDE_BOX, INT32_MAX = np.int32(-(2**31)), np.int32(2**31 - 1)
@@ -144,7 +144,7 @@ def hit_squares(
     return int(np.count_nonzero(out[:-1])), int(out[-1])
 
 
-@kernel
+@kernel_part
 def _tiles_of(
     at: Array1D[np.int32], wide: np.int32, first: np.int32, elsewhere: np.int32, tile: Array1D[np.int32]
 ) -> None:
@@ -244,7 +244,7 @@ def sorted_by_tile(
     return cell[:n], sample[:n]
 
 
-@kernel
+@kernel_part
 def _accumulate_in_tile(
     cells: Array1D[np.int32],
     samples: Array2D[np.float32],
@@ -350,7 +350,7 @@ def copy_evidence(
                 store(into, (r * cols + c) * LANES, load(flat, first))
 
 
-@kernel
+@kernel_part
 def slot_at(row: int, col: int, tile_row: int, tile_col: int, table: Strided2D[np.int32]) -> int:
     """Return the slot of a cell's tile, -1 where there is none; `table` begins at (tile_row, tile_col)."""
     r, c = (row >> TILE_BITS) - tile_row, (col >> TILE_BITS) - tile_col
@@ -359,7 +359,7 @@ def slot_at(row: int, col: int, tile_row: int, tile_col: int, table: Strided2D[n
     return int(table[r, c])
 
 
-@kernel
+@kernel_part
 def mean_height(now: Strided1D[np.float32], before: Strided1D[np.float32]) -> np.float32:
     """Return the mean height of both epochs of a cell that was hit."""
     return np.float32((now[COUNT] * now[MEAN] + before[COUNT] * before[MEAN]) / (now[COUNT] + before[COUNT]))

@@ -25,7 +25,7 @@ from slz.kernels.cells.cell_record import (
     TOP,
     WEIGHT,
 )
-from slz.kernels.jit import kernel, kernel_for_any_types
+from slz.kernels.jit import kernel, kernel_for_any_types, kernel_part
 from slz.kernels.raster.bitmap import NONE
 from slz.kernels.simd import (
     LANES,
@@ -87,7 +87,7 @@ def _store_epoch(
     store(held, at + DOWN * width, where(nobody, broadcast(HIGHEST), where(single, least, least2)))
 
 
-@kernel
+@kernel_part
 def _store_empty(held: Row, at: int, width: int) -> None:
     """Write 16 cells without a return."""
     for layer in range(ROW_LAYERS):
@@ -97,7 +97,7 @@ def _store_empty(held: Row, at: int, width: int) -> None:
         store(held, at + (epoch * EPOCH + DOWN) * width, broadcast(HIGHEST))
 
 
-@kernel
+@kernel_part
 def _read_lanes(
     records: Row, first: int, now_s: Float32, max_age_s: Float32, held: Row, at: int, width: int
 ) -> None:
@@ -122,7 +122,7 @@ def _read_lanes(
     store(held, at + MEAN_NOISE * width, where(also, (noise * n + noise_then * n_then) / total, noise))
 
 
-@kernel
+@kernel_part
 def _read_row(
     records: Row,
     places: Array2D[np.int64],
@@ -176,7 +176,7 @@ def _supported(held: Row, width: int, south: int, here: int, north: int) -> tupl
     )
 
 
-@kernel
+@kernel_part
 def _summarise_lanes(
     held: Row, width: int, south: int, here: int, north: int, out: Row, to: int, layer: int
 ) -> None:

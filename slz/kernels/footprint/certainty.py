@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from slz.kernels.jit import kernel, kernel_for_any_types
+from slz.kernels.jit import kernel, kernel_for_any_types, kernel_part
 from slz.kernels.simd import Floats, broadcast, logical_and, sqrt, where
 
 SLOPE_MARGIN_DEG = 0.07  # standard deviation of a fitted plane's slope about the ground's, beside its error
@@ -30,7 +30,7 @@ F0, F1, F_LEAST_NOISE = np.float32(0), np.float32(1), np.float32(LEAST_NOISE_M)
 F_NOISE, F_MOST = np.float32(RELIEF_NOISE), np.float32(CERTAIN_SIGMAS * RELIEF_SPREAD)
 
 
-@kernel
+@kernel_part
 def normal_cdf(deviations: float) -> float:
     """Return the standard normal distribution function; NaN of NaN."""
     if deviations > CERTAIN_SIGMAS:
@@ -38,7 +38,7 @@ def normal_cdf(deviations: float) -> float:
     return 0.5 * math.erfc(-deviations / math.sqrt(2.0))
 
 
-@kernel
+@kernel_part
 def _relief_probability(relief_m: float, bias: float, noise_m: float, limit_m: float) -> float:
     return normal_cdf(((limit_m - relief_m) / max(noise_m, LEAST_NOISE_M) + bias) / RELIEF_SPREAD)
 

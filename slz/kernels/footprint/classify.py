@@ -7,7 +7,7 @@ import numpy as np
 from slz.kernels.argument_types import Array1D, Float32
 from slz.kernels.footprint.certainty import certainty, undoubted
 from slz.kernels.footprint.plane_fit import INNER, NOISE2, RELIEF, RMS, SHARE, SIGMA, SIGMAS, SLOPE
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.raster.bitmap import NONE, ONE, lowest, signed
 from slz.kernels.simd import LANES, broadcast, flags, flags_of, load, logical_and, store, store_bytes, where
 
@@ -73,7 +73,7 @@ def classify(
     return known & (clear_ones ^ LOW16) & flags_of(relief == relief)
 
 
-@kernel
+@kernel_part
 def certainty_of_doubtful(
     statistics: Row,
     at: int,
@@ -96,7 +96,7 @@ def certainty_of_doubtful(
         )  # fmt: skip
 
 
-@kernel
+@kernel_part
 def leave_unknown(maps: Row, to: int, layer: int, states: Array1D[np.uint8], place: int) -> None:
     """Write 16 cells of the maps, from the slope on, as unknown, see `classify`."""
     for q in range(A_SLOPE, A_CERTAINTY):

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from slz.kernels.argument_types import Array1D
-from slz.kernels.jit import kernel, kernel_for_any_types
+from slz.kernels.jit import kernel_for_any_types, kernel_part
 from slz.kernels.simd import (
     LANES,
     Doubles,
@@ -75,7 +75,7 @@ def _store_sums(sums: Row, rises: Wide, at: int, layer: int, s: Sums, z: Sums) -
     store_wide(rises, at + 2 * layer, z[2])
 
 
-@kernel
+@kernel_part
 def over_rows(held: Row, rows: int, radius: int, wide: int, sums: Row, rises: Wide) -> None:
     """Write the sums over the rows of footprints, column by column.
 

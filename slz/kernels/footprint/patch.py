@@ -7,7 +7,7 @@ import numpy as np
 from slz.kernels.argument_types import Array1D, Array3D
 from slz.kernels.cells.cell_record import BOTTOM, EXCESS, HEIGHT, SPREAD, TOP, WEIGHT
 from slz.kernels.footprint.moments import INVERSE, KNOWN, LOWER, RETURN_NOISE, RISE, UPPER
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.simd import LANES, broadcast, load, store, where
 
 MOST_ROWS, COLS = 16, 32  # footprints of a patch
@@ -39,7 +39,7 @@ def inverses(cells: Layers) -> Row:
     return out
 
 
-@kernel
+@kernel_part
 def middle_height(cells: Layers, row: int, col: int, rows: int, cols: int, found: Row) -> np.float32:
     """Return the approximate median height of cells of a box; NaN where none is known.
 
@@ -64,7 +64,7 @@ def middle_height(cells: Layers, row: int, col: int, rows: int, cols: int, found
     return NAN
 
 
-@kernel
+@kernel_part
 def _gather_some_cells(
     cells: Row, inverse: Row, at: int, count: int, level: np.float32, held: Row, to: int, size: int
 ) -> None:
@@ -82,7 +82,7 @@ def _gather_some_cells(
         held[UPPER * size + to + i] = cells[TOP * layer + at + i] - level - excess if known else LOWEST
 
 
-@kernel
+@kernel_part
 def gather_cells(
     cells: Row,
     inverse: Row,

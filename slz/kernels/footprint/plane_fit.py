@@ -24,7 +24,7 @@ from slz.kernels.footprint.moments import (
     rises_over_columns,
 )
 from slz.kernels.footprint.relief import relief_without_one, reliefs
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.raster.bitmap import NONE
 from slz.kernels.simd import (
     LANES,
@@ -124,7 +124,7 @@ def _fit(
     return flags_of(logical_and(good, slope < broadcast(slope_limit) + broadcast(SIGMAS) * sigma))
 
 
-@kernel
+@kernel_part
 def _add_relief(
     lower: Row,
     upper: Row,
@@ -147,7 +147,7 @@ def _add_relief(
     store(statistics, at + PLANE_STATISTICS * LANES, where(flags(asked_north), whole_north, broadcast(NAN)))
 
 
-@kernel
+@kernel_part
 def add_inner_relief(
     lower: Row, upper: Row, row: int, col: int, wide: int, away: Row, plane: Row, statistics: Row
 ) -> None:
@@ -169,7 +169,7 @@ def add_inner_relief(
     store(statistics, at + INNER * LANES, where(few, minimum(without, whole), whole))
 
 
-@kernel
+@kernel_part
 def fit_planes(
     sums: Row,
     rises: Wide,

@@ -43,7 +43,7 @@ from slz.kernels.footprint.rest_pose import (
     scratch_for,
     upper_hull,
 )
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 RECTANGLES = 2  # of rotor and tail
 CORNERS = 4 * RECTANGLES
@@ -74,7 +74,7 @@ def _turn(contacts: Contacts, heading: int, yaw: float, turned: Contacts) -> Non
         turned[0, i, 1] = north * cosine - east * sine
 
 
-@kernel
+@kernel_part
 def _swept_ground(
     ground: Ground, plane: Plane, row: float, col: float, tall: float, wide: float
 ) -> tuple[float, float, float]:
@@ -92,7 +92,7 @@ def _swept_ground(
     return found
 
 
-@kernel
+@kernel_part
 def _contact_bounds(
     ground: Ground,
     plane: Plane,
@@ -130,7 +130,7 @@ def _contact_bounds(
     return edges
 
 
-@kernel
+@kernel_part
 def _is_belly_clear(
     ground: Ground, plane: Plane, highest: float, cell_m: float, limits: GearLimits, box: Box, rest: Rest
 ) -> bool:
@@ -160,7 +160,7 @@ def _is_belly_clear(
     return True
 
 
-@kernel
+@kernel_part
 def _planes_at(
     ground: Ground,
     plane: Plane,
@@ -199,7 +199,7 @@ def _planes_at(
     return found if found > before else -1
 
 
-@kernel
+@kernel_part
 def _may_tip(
     plane: Plane, cell_m: float, turned: Contacts, box: Box, limits: GearLimits, scratch: Scratch
 ) -> bool:
@@ -227,7 +227,7 @@ def _differs(sides: int, edges: int, uneven: bool) -> bool:
     return True
 
 
-@kernel
+@kernel_part
 def _put_at_edges(scratch: Scratch, sides: int, line: int) -> None:
     """Write the heights of the contacts at edges, by two bits of `sides` for each part of the gear.
 
@@ -250,7 +250,7 @@ def _put_at_edges(scratch: Scratch, sides: int, line: int) -> None:
             after |= 1 << part
 
 
-@kernel
+@kernel_part
 def _planes_in(
     ground: Ground,
     plane: Plane,
@@ -276,7 +276,7 @@ def _planes_in(
     return found
 
 
-@kernel
+@kernel_part
 def _lower_floors(
     planes: Planes,
     count: int,
@@ -321,7 +321,7 @@ def _halved(waiting: Waiting, count: int, box: Box, reach_m: float) -> int:
     return count
 
 
-@kernel
+@kernel_part
 def _stands_on_cell(
     ground: Ground,
     plane: Plane,
@@ -363,7 +363,7 @@ def _stands_on_cell(
     return True
 
 
-@kernel
+@kernel_part
 def _bounds_under(ground: Ground, plane: Plane, reach: int) -> tuple[float, float, bool]:
     """Return the lowest and the highest ground over a plane within a square of cells; whether it has gaps."""
     lower, middle, upper, wide, row, col = ground

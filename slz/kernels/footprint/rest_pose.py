@@ -16,7 +16,7 @@ from slz.kernels.argument_types import Array1D, Array3D, Float32
 from slz.kernels.cells.cell_record import IS_SAFE, IS_UNSAFE
 from slz.kernels.footprint.certainty import CERTAIN_SIGMAS, normal_cdf
 from slz.kernels.footprint.plane_fit import LEVEL, NOISE2, NORTH, RELIEF, SLOPE, WEST
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.raster.bitmap import NONE, ONE, lowest, signed
 from slz.kernels.simd import LANES, broadcast, flags_of, load, sqrt
 
@@ -47,7 +47,7 @@ Ground = tuple[Row, Row, Row, int, int, int]
 Scratch = tuple[Row, Row, Row, Array1D[np.int64]]
 
 
-@kernel
+@kernel_part
 def ground_of_box(
     ground: Ground, plane: Plane, row0: int, row1: int, col0: int, col1: int
 ) -> tuple[float, float, float]:
@@ -65,7 +65,7 @@ def ground_of_box(
     return low, total / count if count else np.nan, high
 
 
-@kernel
+@kernel_part
 def ground_under(
     ground: Ground, plane: Plane, north: float, east: float, pad: float, edge_m: float
 ) -> tuple[float, float, float]:
@@ -92,7 +92,7 @@ def ground_under(
     return own
 
 
-@kernel
+@kernel_part
 def upper_hull(heights: Row, first: int, stop: int, kept: Array1D[np.int64], n: int) -> int:
     """Append those contacts of an evenly divided line that can touch the ground; return how many are kept."""
     begin = n
@@ -107,7 +107,7 @@ def upper_hull(heights: Row, first: int, stop: int, kept: Array1D[np.int64], n: 
     return n
 
 
-@kernel
+@kernel_part
 def rest_on(
     contacts: Contacts, heading: int, heights: Row, kept: Array1D[np.int64], n: int, p: int, q: int, s: int
 ) -> Rest:
@@ -135,7 +135,7 @@ def rest_on(
     return math.sqrt(a * a + b * b), a, b, c
 
 
-@kernel
+@kernel_part
 def steepest_rest(contacts: Contacts, heading: int, heights: Row, kept: Array1D[np.int64], n: int) -> Rest:
     """Return the steepest plane on which a gear can rest: gradient, its east and north parts, and height.
 
@@ -160,7 +160,7 @@ def steepest_rest(contacts: Contacts, heading: int, heights: Row, kept: Array1D[
     return steepest, east, north, up
 
 
-@kernel
+@kernel_part
 def _is_clear(ground: Ground, cell_m: float, limits: GearLimits, rest: Rest) -> bool:
     """Return whether no ground under the belly reaches up to it."""
     _, _, upper, wide, row, col = ground
@@ -177,20 +177,20 @@ def _is_clear(ground: Ground, cell_m: float, limits: GearLimits, rest: Rest) -> 
     return True
 
 
-@kernel
+@kernel_part
 def _apart_m(contacts: Contacts, heading: int, line: int) -> float:
     """Return the distance between two skids."""
     east = contacts[heading, line, 0] - contacts[heading, 0, 0]
     return math.hypot(east, contacts[heading, line, 1] - contacts[heading, 0, 1])
 
 
-@kernel
+@kernel_part
 def part_of(contact: int, line: int) -> int:
     """Return the part of the gear that a contact belongs to: a pad, or half a skid."""
     return contact if line == 1 else 2 * (contact // line) + (2 * (contact % line) >= line)
 
 
-@kernel
+@kernel_part
 def _steepest_on_lines(
     contacts: Contacts, heading: int, heights: Row, kept: Array1D[np.int64], line: int
 ) -> Rest:
@@ -201,7 +201,7 @@ def _steepest_on_lines(
     return steepest_rest(contacts, heading, heights, kept, n)
 
 
-@kernel
+@kernel_part
 def contact_heights(
     ground: Ground,
     plane: Plane,
@@ -235,7 +235,7 @@ def contact_heights(
     return edges if line == 1 or cell_m <= FINE * _apart_m(contacts, heading, line) else 0
 
 
-@kernel
+@kernel_part
 def put_at_edges(scratch: Scratch, sides: int, line: int) -> None:
     """Write the heights of the contacts at edges: upper side for the parts in `sides`, else the lower one."""
     height, low, high, _ = scratch
@@ -244,7 +244,7 @@ def put_at_edges(scratch: Scratch, sides: int, line: int) -> None:
             height[i] = high[i] if sides >> part_of(i, line) & 1 else low[i]
 
 
-@kernel
+@kernel_part
 def gradient_at(
     ground: Ground,
     plane: Plane,
@@ -280,7 +280,7 @@ def gradient_at(
     return gradient
 
 
-@kernel
+@kernel_part
 def _least_gradient(
     ground: Ground,
     plane: Plane,
@@ -318,7 +318,7 @@ def plane_of(ground: Ground, radius: int) -> Plane:
     return (sz - a * sx - b * sy) / n, a, b
 
 
-@kernel
+@kernel_part
 def scratch_for(contacts: Contacts) -> Scratch:
     """Return the arrays that `gradient_at` works in."""
     count = contacts.shape[1]
@@ -326,7 +326,7 @@ def scratch_for(contacts: Contacts) -> Scratch:
     return height, low, high, np.empty(count, np.int64)
 
 
-@kernel
+@kernel_part
 def refuse_without_heading(
     statistics: Row,
     at: int,

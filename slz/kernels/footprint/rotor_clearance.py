@@ -13,7 +13,7 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Float32
 from slz.kernels.footprint.rest_planes import Floors, Steepest
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 NOBODY = -1  # cell in the way of a heading
 # Height of the underside over the floor, margin taken off (m); height over the gear by which the solid moves
@@ -30,7 +30,7 @@ Cells = Array2D[np.int64]
 Tops = Array1D[np.float32]
 
 
-@kernel
+@kernel_part
 def _floor_at(
     floors: Floors, place: int, heading: int, first: int, solid: Solid, f: float, q: float
 ) -> float:
@@ -46,14 +46,14 @@ def _floor_at(
     return float(left * (1 - across) + right * across)
 
 
-@kernel
+@kernel_part
 def _is_below_disc(disc: Disc, shift: float, north: float, east: float, cell: float) -> bool:
     """Return whether a cell may be under the disc; its centre is north and east of the touchdown's (m)."""
     y, x, radius = max(0.0, abs(north) - cell), max(0.0, abs(east) - cell), disc[1] + shift
     return y * y + x * x < radius * radius
 
 
-@kernel
+@kernel_part
 def _is_below_strip(strip: Strip, shift: float, f: float, q: float, extent: float) -> bool:
     """Return whether a cell may be under the strip: its centre forward and right of that of the touchdown's.
 

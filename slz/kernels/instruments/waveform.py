@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Strided1D, Strided2D, Strided3D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 MISSING, GOOD, SATURATED, ODD = range(4)
 EDGE_SAMPLES = 3  # samples at either end of the buffer without a peak search
@@ -18,7 +18,7 @@ SETTLED = 1e-3  # samples; a smaller step is the last one
 ODD_OVER = 9.0  # variance of the residuals over that of the noise, above which it is not one pulse
 
 
-@kernel
+@kernel_part
 def unwrap(ring: Strided1D[np.uint16], marker: float, baseline: float, out: Strided1D[np.float64]) -> int:
     """Write the samples before the marker in time order, less the baseline; return 1 if sound.
 

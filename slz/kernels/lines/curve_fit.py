@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 EAST, NORTH, ALONG_EAST, ALONG_NORTH, UP, SLOPE, SAG = range(
     7
@@ -114,7 +114,7 @@ def fit_returns(
     return True
 
 
-@kernel
+@kernel_part
 def height_variance(curve: Array1D[np.float64], s: float) -> float:
     """Return the variance of the height of a curve (FIELDS,) at a place along it."""
     total, powers = 0.0, (1.0, s, s * s)
@@ -124,7 +124,7 @@ def height_variance(curve: Array1D[np.float64], s: float) -> float:
     return max(0.0, total)
 
 
-@kernel
+@kernel_part
 def _longest_run(s: Array1D[np.float64]) -> Array1D[np.int64]:
     """Return the indices, in order, of the run of places without gaps that holds most of them."""
     order = np.argsort(s, kind="mergesort")

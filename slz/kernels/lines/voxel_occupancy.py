@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 SIDE = 256  # columns of a row, a power of two
 LEVELS = 96  # voxels of a column; heights that differ by a multiple of 48 m share one
@@ -98,7 +98,7 @@ def heights_over_floor(
     return out
 
 
-@kernel
+@kernel_part
 def is_occupied(
     east: float,
     north: float,

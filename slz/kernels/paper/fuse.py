@@ -10,7 +10,7 @@ import numpy as np
 
 from slz.kernels.arctangent import arctangent
 from slz.kernels.argument_types import Array1D, Array2D, Array3D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits
 from slz.kernels.simd import LANES, below, broadcast, load, logical_and, sqrt, store, where
 
@@ -29,7 +29,7 @@ RING = 20  # rows of the ring buffer: a strip, and at least one row to the south
 TWO_52, TWO_52_BITS = 2.0**52, np.uint64(0x4330000000000000)
 
 
-@kernel
+@kernel_part
 def _hit_span(sums: Array1D[np.uint64]) -> tuple[int, int]:
     """Return the range of columns of a row that was hit, in whole words; 0, 0 for none."""
     first, stop = 0, len(sums)
@@ -42,7 +42,7 @@ def _hit_span(sums: Array1D[np.uint64]) -> tuple[int, int]:
     return first // WORD * WORD, -(-stop // WORD) * WORD
 
 
-@kernel
+@kernel_part
 def _mean_heights(
     sums: Array1D[np.uint64],
     low: float,
@@ -68,7 +68,7 @@ def _mean_heights(
         height[i] = np.float32(low + total * unit / n) if n > 0.0 else NAN  # SLZ paper, Eq. (5)
 
 
-@kernel
+@kernel_part
 def _with_all_neighbours(held: Bits, south: int, here: int, north: int, out: Bits) -> None:
     """Write the cells of a row that are set with all four neighbours; the outermost words are margin."""
     for w in range(1, held.shape[1] - 1):
@@ -112,7 +112,7 @@ def _slopes(
         store(out, at, where(mid == mid, angle, nothing))
 
 
-@kernel
+@kernel_part
 def _fuse_word(
     height: Row,
     slope: Row,
@@ -146,7 +146,7 @@ def _fuse_word(
         store(total_height, to + i, where(held, joint_h, h))
 
 
-@kernel
+@kernel_part
 def _fuse_roughness(
     rough: Row,
     slope: Row,
@@ -168,7 +168,7 @@ def _fuse_roughness(
         store(total_rough, to + i, where(old == most, q, joint))
 
 
-@kernel
+@kernel_part
 def _off_margin(rows: int, cols: int, row: int, word: int) -> np.uint64:
     """Return a mask of a word's cells off the margin, which is never safe (SLZ paper, section 3.2.4)."""
     if row == 0 or row == rows - 1:
@@ -177,7 +177,7 @@ def _off_margin(rows: int, cols: int, row: int, word: int) -> np.uint64:
     return mask & ~(ONE << np.uint64((cols - 1) & 63)) if word == (cols - 1) >> 6 else mask
 
 
-@kernel
+@kernel_part
 def _fuse_strip(
     heights: Rows,
     slopes: Rows,

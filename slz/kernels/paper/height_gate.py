@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.paper.point_pass import DROPPED
 from slz.kernels.raster.bitmap import NONE, ONE, lowest, signed
 from slz.kernels.simd import LANES, broadcast, flags_of, load
@@ -44,7 +44,7 @@ def _bins(
     return odd != 0
 
 
-@kernel
+@kernel_part
 def _count_by_bin(
     points: Points,
     cells: Array1D[np.uint32],
@@ -68,7 +68,7 @@ def _count_by_bin(
             count[i & FOUR, mine[i]] += 1
 
 
-@kernel
+@kernel_part
 def _outside_mask(heights: Array1D[np.float32], start: int, least: np.float32, most: np.float32) -> np.uint64:
     """Return a mask of 64 heights, fewer at the end: 1 below the least or above the most."""
     word, i = NONE, np.uint64(0)
@@ -84,7 +84,7 @@ def _outside_mask(heights: Array1D[np.float32], start: int, least: np.float32, m
     return word
 
 
-@kernel
+@kernel_part
 def _count_end_bins(
     points: Points,
     cells: Array1D[np.uint32],
@@ -114,7 +114,7 @@ def _count_end_bins(
             count[0, min(bins - 1, int(at))] += 1
 
 
-@kernel
+@kernel_part
 def _dense_bins(count: Counts, sparse: float) -> tuple[int, int]:
     """Return the first and the last bin that are not sparse; first equals last if all are sparse."""
     first, last = 0, count.shape[1] - 2
@@ -125,7 +125,7 @@ def _dense_bins(count: Counts, sparse: float) -> tuple[int, int]:
     return first, last
 
 
-@kernel
+@kernel_part
 def _kept_bins(count: Counts, sparse: float, n: int, threshold: float) -> tuple[int, int]:
     """Return the first and last bin that are kept."""
     first, last, left = 0, count.shape[1] - 2, n

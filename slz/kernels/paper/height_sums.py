@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, ReadOnly1D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.paper.fuse import TWO_52
 from slz.kernels.paper.point_pass import DROPPED, HALF_BITS, LOW16, OUTSIDE
 from slz.kernels.raster.bitmap import signed
@@ -14,7 +14,7 @@ CHUNK = 64  # points, few enough that a chunk seldom has an exceptional one
 ONE, MANTISSA = np.uint64(1), np.uint64((1 << 52) - 1)
 
 
-@kernel
+@kernel_part
 def _place_chunk(
     cells: Array1D[np.uint32],
     heights: Array1D[np.float32],

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, ReadOnly1D, Strided1D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.raster.bitmap import signed
 
 DROPPED, OUTSIDE = np.uint32(0xFFFFFFFF), np.uint32(0xFFFFFFFE)
@@ -62,7 +62,7 @@ def _place_chunk(
     return near != 0
 
 
-@kernel
+@kernel_part
 def _place_exactly(
     points: ReadOnly1D[np.float64],
     west: float,
@@ -81,7 +81,7 @@ def _place_exactly(
             cells[i] = np.uint32((int(row) << 16) | int(col)) if inside else OUTSIDE
 
 
-@kernel
+@kernel_part
 def _chunk_extremes(
     cells: Array1D[np.uint32], heights: Array1D[np.int32]
 ) -> tuple[np.uint32, np.uint32, np.uint32, np.uint32, np.int32, np.int32]:
@@ -102,7 +102,7 @@ def _chunk_extremes(
     return first, last, col0, col1, low, high
 
 
-@kernel
+@kernel_part
 def _height_range(points: ReadOnly1D[np.float64], low: float, high: float) -> tuple[float, float]:
     """Return the lowest and highest of all points and of the two given heights."""
     a0 = a1 = a2 = a3 = low
@@ -120,7 +120,7 @@ def _height_range(points: ReadOnly1D[np.float64], low: float, high: float) -> tu
     return min(min(a0, a1), min(a2, a3)), max(max(b0, b1), max(b2, b3))
 
 
-@kernel
+@kernel_part
 def _first_height(
     points: ReadOnly1D[np.float64], sensor_east: float, sensor_north: float, range2: float
 ) -> float:

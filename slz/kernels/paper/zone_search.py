@@ -6,7 +6,7 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.growable_array import doubled, put, put_rows
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.polygons.boundary_tracing import extent, trace_boundary, westmost
 from slz.kernels.raster.bitmap import NONE, Bits, lowest, signed
 from slz.kernels.raster.region_fill import component, fill
@@ -16,7 +16,7 @@ ROW0, ROW1, COL0, COL1, N_CELLS, N_BOUNDARY, BOUNDARY_AT, CONTENT_AT = range(8)
 COMPONENT_FIELDS = 8
 
 
-@kernel
+@kernel_part
 def _doubled_trace(
     path: Array2D[np.int32], edges: Array1D[np.uint8], used: int
 ) -> tuple[Array2D[np.int32], Array1D[np.uint8]]:
@@ -25,7 +25,7 @@ def _doubled_trace(
     return doubled(path), new_edges
 
 
-@kernel
+@kernel_part
 def _first_step(path: Array2D[np.int32], edges: Array1D[np.uint8], n: int, first: int) -> int:
     """Return the index at which a trace leaves its first cell as a trace started there would."""
     row, col = path[first, 0], path[first, 1]
@@ -38,14 +38,14 @@ def _first_step(path: Array2D[np.int32], edges: Array1D[np.uint8], n: int, first
     return start
 
 
-@kernel
+@kernel_part
 def _mark_taken(taken: Bits, content: Bits, row0: int, word0: int) -> None:
     for i in range(content.shape[0]):
         for j in range(content.shape[1]):
             taken[row0 + i, word0 + j] |= content[i, j]
 
 
-@kernel
+@kernel_part
 def _next_seed(
     seeds: Bits, taken: Bits, row: int, word: int, row1: int, word0: int, word1: int
 ) -> tuple[int, int]:

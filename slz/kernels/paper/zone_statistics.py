@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.paper.fuse import HALF, OLD
 from slz.kernels.polygons.contour import corner_indices
 from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits, lowest, popcount, signed
@@ -18,7 +18,7 @@ CHUNK = 64  # cells of a boundary
 SIX = np.uint64(6)
 
 
-@kernel
+@kernel_part
 def _sum_of(values: Row, at: int, cells: np.uint64) -> np.int32:
     """Return the sum of the set ones of 64 values, from index `at` on, in units of 1 / SUM_UNIT."""
     total, first = np.int32(0), np.uint64(at)
@@ -28,7 +28,7 @@ def _sum_of(values: Row, at: int, cells: np.uint64) -> np.int32:
     return total
 
 
-@kernel
+@kernel_part
 def _sum_of_few(values: Row, at: int, cells: np.uint64) -> np.int32:
     """Return the result of `_sum_of`, one set cell at a time."""
     total = np.int32(0)
@@ -105,7 +105,7 @@ def corners(
     return out
 
 
-@kernel
+@kernel_part
 def _count_inside(boundary: Array1D[np.int32], content: Word, row0: int, col0: int, words: int) -> int:
     """Return how many cells are set in a bitmap that starts at (row0, col0) and covers all of them."""
     inside = NONE

@@ -18,7 +18,7 @@ from slz.kernels.cells.cell_record import (
     TOP,
     WEIGHT,
 )
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 AROUND = 2  # cells to each side in which rays are counted and ground is looked for
 BESIDE = 1  # cells to each side whose ground a return may belong to
@@ -108,7 +108,7 @@ def by_chance(others: int, expected: float) -> float:
     return max(0.0, 1.0 - total)
 
 
-@kernel
+@kernel_part
 def _insert(sorted_m: Array1D[np.float64], distance_m: float) -> None:
     """Insert a distance in ascending order; the largest is lost."""
     k = len(sorted_m) - 1
@@ -120,7 +120,7 @@ def _insert(sorted_m: Array1D[np.float64], distance_m: float) -> None:
     sorted_m[k] = distance_m
 
 
-@kernel
+@kernel_part
 def _sorted_by_square(
     points: Array2D[np.float64], bands: Array1D[np.int64], new: Array1D[np.bool_]
 ) -> tuple[Array1D[np.int64], Array1D[np.int64], Array1D[np.int64], int]:
@@ -153,7 +153,7 @@ def _sorted_by_square(
     return order, at, starts, cols
 
 
-@kernel
+@kernel_part
 def _add_other(
     i: int,
     band: int,
@@ -217,7 +217,7 @@ def add_others(
                     _add_other(j, bands[i], away, rise, upright, level, lonely)
 
 
-@kernel
+@kernel_part
 def _least_chance(others_m: Array1D[np.float64], rays_m2: float, share: float, opaque: bool) -> float:
     least = 1.0
     for k in range(1, len(others_m) + 1):

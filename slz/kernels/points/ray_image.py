@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly2D, Strided1D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 ROWS = 90  # of elevation, from straight down
 X, Y, Z, RANGE = range(4)  # of a ray: unit vector, length (inf: no return)
@@ -31,7 +31,7 @@ def _row(v: float) -> int:
     return min(ROWS - 1, max(0, int((v + 1) / 2 * ROWS)))
 
 
-@kernel
+@kernel_part
 def _diamond(x: float, y: float) -> float:
     """Return an angle's measure, 0 to 4, that rises with it at a rate of 0.5 to 1, without trigonometry."""
     p = y / (abs(x) + abs(y)) if x != 0 or y != 0 else 0.0
@@ -46,7 +46,7 @@ def cell_of(first: Array1D[np.int64], x: float, y: float, z: float) -> int:
     return int(first[row]) + min(count - 1, int(_diamond(x, y) / 4 * count))
 
 
-@kernel
+@kernel_part
 def _ray(x: float, y: float, z: float, out: Strided1D[np.float32]) -> bool:
     """Write a ray to a place relative to the sensor; return whether there is one."""
     length = math.sqrt(x * x + y * y + z * z)
@@ -124,7 +124,7 @@ def fill_image(
         filled[cell[k]] += 1
 
 
-@kernel
+@kernel_part
 def _count_range(
     rays: Array2D[np.float32],
     weights: Array1D[np.int32],
@@ -158,7 +158,7 @@ def _count_range(
     counts[BEFORE] += before
 
 
-@kernel
+@kernel_part
 def count_in(
     east: float,
     north: float,

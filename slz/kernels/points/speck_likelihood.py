@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, ReadOnly1D, ReadOnly2D, Strided1D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.points.ray_image import (
     BEFORE,
     HITS,
@@ -28,13 +28,13 @@ SHELLS, SHELL_M, FADES = 25, 1.0, 0.95  # of range, in which the density of spec
 CERTAIN = 6.0  # from which the place counts as an object's for a while
 
 
-@kernel
+@kernel_part
 def ball_m(away: float, spread: float) -> float:
     """Return the radius of the ball in which a return's neighbours are counted, by its angle."""
     return min(MOST_BALL_M, max(LEAST_BALL_M, spread * away))
 
 
-@kernel
+@kernel_part
 def likelihoods(
     counts: Array1D[np.float64], radius: float, wire_m: float, bonus: float, rate: float
 ) -> tuple[float, float]:
@@ -75,7 +75,7 @@ def _verdict(wire: float, best: float, dustiness: float) -> int:
     return SPECK if wire - dustiness <= -SURE else UNDECIDED
 
 
-@kernel
+@kernel_part
 def _voxel(x: float, y: float, z: float) -> tuple[int, int]:
     """Return the key of a place's voxel and its slot."""
     mask = (1 << 20) - 1
@@ -91,13 +91,13 @@ def _rate(air: Array2D[np.float64], away: float) -> float:
     return air[shell, 0] / air[shell, 1] if air[shell, 1] > 0 else 0.0
 
 
-@kernel
+@kernel_part
 def _dustiness(air: Array2D[np.float64], away: float) -> float:
     """Return what the number of specks at a range weighs against a return there (log-odds)."""
     return min(DUSTY, math.log1p(air[min(SHELLS - 1, int(away / SHELL_M)), 0]))
 
 
-@kernel
+@kernel_part
 def _measure(away: Array1D[np.float64], verdicts: Array1D[np.uint8], air: Array2D[np.float64]) -> None:
     """Add a scan's specks and lengths of rays to those of the shells, and let earlier ones fade."""
     ends = np.zeros(SHELLS + 1)

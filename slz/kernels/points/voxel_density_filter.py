@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D, Strided1D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 FINE = 1  # layers of voxels above and below that are searched
 EDGE = 2  # empty voxels around all points
@@ -18,7 +18,7 @@ NO_LAYER = np.int32(2**31 - 1)
 Longs = Array1D[np.int64]
 
 
-@kernel
+@kernel_part
 def _hash_slot(keys: Array1D[np.int64], x: int, y: int, z: int) -> int:
     """Return the hash slot of a voxel, or the empty slot for it.
 
@@ -32,7 +32,7 @@ def _hash_slot(keys: Array1D[np.int64], x: int, y: int, z: int) -> int:
     return slot
 
 
-@kernel
+@kernel_part
 def _count_around(
     keys: Array1D[np.int64], count: Array1D[np.int32], x: int, y: int, low: int, high: int
 ) -> int:
@@ -46,7 +46,7 @@ def _count_around(
     return total
 
 
-@kernel
+@kernel_part
 def _support_needed(
     point: ReadOnly1D[np.float64], sensor: Strided1D[np.float64], share: float, least: int
 ) -> int:
@@ -59,7 +59,7 @@ def _support_needed(
     return least
 
 
-@kernel
+@kernel_part
 def _by_table(
     points: ReadOnly2D[np.float64],
     at: Array2D[np.int32],
@@ -95,7 +95,7 @@ def _by_table(
     return keep
 
 
-@kernel
+@kernel_part
 def _column_spans(at: Array2D[np.int32], columns: int, deep: int) -> tuple[Longs, Array2D[np.int32]]:
     """Return (columns + 1,) the start of each column's layers, and (columns, 2) its lowest and highest layer.
 
@@ -115,7 +115,7 @@ def _column_spans(at: Array2D[np.int32], columns: int, deep: int) -> tuple[Longs
     return starts, ends
 
 
-@kernel
+@kernel_part
 def _count_in_columns(
     starts: Longs,
     ends: Array2D[np.int32],
@@ -139,7 +139,7 @@ def _count_in_columns(
     return total
 
 
-@kernel
+@kernel_part
 def _by_columns(
     points: ReadOnly2D[np.float64],
     at: Array2D[np.int32],
@@ -176,7 +176,7 @@ def _by_columns(
     return keep
 
 
-@kernel
+@kernel_part
 def _voxels_of(points: ReadOnly2D[np.float64], voxel: float) -> tuple[Array2D[np.int32], int, int]:
     """Return (n, 3) the voxel of each point, indices from `EDGE` on, and the greatest x and y index.
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.argument_types import Array1D, Array2D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.polygons.contour import COL_STEP, ROW_STEP
 from slz.kernels.raster.bitmap import LAST, NONE, Bits, bit, leading, signed
 
@@ -54,7 +54,7 @@ def _step_table() -> NDArray[np.int32]:
 TABLE = _step_table()
 
 
-@kernel
+@kernel_part
 def _neighbourhood(safe: Bits, row: int, col: int) -> int:
     """Return the 3 x 3 cells around a cell as nine bits; all must be inside the map."""
     k, shift = (col - 1) >> 6, np.uint64((col - 1) & 63)
@@ -122,7 +122,7 @@ def extent(path: Array2D[np.int32], n: int) -> tuple[int, int, int, int, int]:
     return signed(least), signed(row1) + 1, signed(col0), signed(col1) + 1, first
 
 
-@kernel
+@kernel_part
 def westmost(safe: Bits, row: int, col: int) -> int:
     """Return the westernmost column of the run of set cells that holds a cell."""
     while True:

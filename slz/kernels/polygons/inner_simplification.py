@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.argument_types import Strided1D, Strided2D
-from slz.kernels.jit import kernel, kernel_for_any_types
+from slz.kernels.jit import kernel, kernel_for_any_types, kernel_part
 
 Points = Strided2D[np.float64]
 Indices = Strided1D[np.int64]
@@ -24,7 +24,7 @@ AFFECTED_VERTICES = 4  # vertices to either side whose moves a move changes
 CELLS_SHARE = 0.5  # share of cells in a move's price; the rest is area
 
 
-@kernel
+@kernel_part
 def _cross(ax: float, ay: float, bx: float, by: float) -> float:
     return ax * by - ay * bx
 
@@ -35,7 +35,7 @@ def _turn(at: Points, a: int, b: int, c: int) -> float:
     return _cross(at[b, 0] - at[a, 0], at[b, 1] - at[a, 1], at[c, 0] - at[b, 0], at[c, 1] - at[b, 1])
 
 
-@kernel
+@kernel_part
 def _meet(
     bx: float, by: float, ux: float, uy: float, cx: float, cy: float, vx: float, vy: float
 ) -> tuple[float, float]:
@@ -60,7 +60,7 @@ def _cut(at: Points, before: Indices, after: Indices, count: int, i: int) -> Mov
     return max(twice, 0.0) / 2, 0.0, 0.0, 0.0, 0.0
 
 
-@kernel
+@kernel_part
 def _extend(at: Points, before: Indices, after: Indices, count: int, b: int) -> Move:
     """Remove the edge from b: the adjacent edges are extended at its reflex ends until they meet."""
     a, c = before[b], after[b]
@@ -124,7 +124,7 @@ def _tilt(at: Points, before: Indices, after: Indices, count: int, v: int) -> Mo
     return (first + second) / 2, px, py, qx, qy
 
 
-@kernel
+@kernel_part
 def _move(at: Points, before: Indices, after: Indices, count: int, kind: int, i: int) -> Move:
     if kind == CUT:
         return _cut(at, before, after, count, i)
@@ -133,7 +133,7 @@ def _move(at: Points, before: Indices, after: Indices, count: int, kind: int, i:
     return _tilt(at, before, after, count, i)
 
 
-@kernel
+@kernel_part
 def _centres_in_triangle(
     sums: Strided2D[np.int32], ax: float, ay: float, bx: float, by: float, cx: float, cy: float
 ) -> int:
@@ -160,7 +160,7 @@ def _centres_in_triangle(
     return found
 
 
-@kernel
+@kernel_part
 def _centres_removed(
     sums: Strided2D[np.int32], at: Points, before: Indices, after: Indices, kind: int, i: int, move: Move
 ) -> int:
@@ -175,12 +175,12 @@ def _centres_removed(
     return int(first + _centres_in_triangle(sums, at[q, 0], at[q, 1], at[i, 0], at[i, 1], x1, y1))
 
 
-@kernel
+@kernel_part
 def _price(area: float, cells: float) -> float:
     return (1 - CELLS_SHARE) * area + CELLS_SHARE * cells
 
 
-@kernel
+@kernel_part
 def _holds_no_vertex(at: Points, live: Indices, x: float, y: float, a: int, b: int, c: int, end: int) -> bool:
     """Return whether the triangle a, b, (x, y) holds no vertex but a, b, c, and `end` if it is at (x, y)."""
     ax, ay, bx, by = at[a, 0], at[a, 1], at[b, 0], at[b, 1]
@@ -200,7 +200,7 @@ def _holds_no_vertex(at: Points, live: Indices, x: float, y: float, a: int, b: i
     return True
 
 
-@kernel
+@kernel_part
 def _crossed(at: Points, live: Indices, after: Indices, i: int, x: float, y: float, skip: int) -> bool:
     """Return whether an edge crosses the line from vertex i to (x, y), except edges at i and from `skip`."""
     ux, uy = x - at[i, 0], y - at[i, 1]
@@ -218,7 +218,7 @@ def _crossed(at: Points, live: Indices, after: Indices, i: int, x: float, y: flo
     return False
 
 
-@kernel
+@kernel_part
 def _is_free(
     at: Points, live: Indices, before: Indices, after: Indices, kind: int, i: int, move: Move
 ) -> bool:
@@ -240,7 +240,7 @@ def _is_free(
     return not (_crossed(at, live, after, i, x0, y0, q) or _crossed(at, live, after, q, x0, y0, p))
 
 
-@kernel
+@kernel_part
 def _apply_move(
     at: Points, before: Indices, after: Indices, kind: int, i: int, move: Move
 ) -> tuple[int, int, int]:
@@ -257,7 +257,7 @@ def _apply_move(
     return i, p if _same(at, before[p], x0, y0) else -1, q if _same(at, after[q], x1, y1) else -1
 
 
-@kernel
+@kernel_part
 def _remove_vertex(before: Indices, after: Indices, live: Indices, place: Indices, n: int, i: int) -> int:
     """Remove a vertex from its ring and from the first n of `live`; return n - 1."""
     after[before[i]], before[after[i]] = after[i], before[i]

@@ -12,7 +12,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from slz.kernels.argument_types import Array2D, Strided2D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 Bits = Array2D[np.uint64]
 NONE, ONE, LAST = np.uint64(0), np.uint64(1), np.uint64(63)
@@ -56,7 +56,7 @@ def bit(bits: Strided2D[np.uint64], row: int, col: int) -> np.uint64:
     return (word >> np.uint64(col & 63)) & ONE
 
 
-@kernel
+@kernel_part
 def word_at(bits: Strided2D[np.uint64], row: int, col: int) -> np.uint64:
     """Return the 64 cells from a column on, which may be outside; cells outside are 0."""
     if row < 0 or row >= bits.shape[0]:
@@ -69,13 +69,13 @@ def word_at(bits: Strided2D[np.uint64], row: int, col: int) -> np.uint64:
     return (low >> shift) | (high << (np.uint64(64) - shift))
 
 
-@kernel
+@kernel_part
 def word_mask(first: int, stop: int) -> np.uint64:
     """Return a mask of bits first to stop - 1; the range may extend beyond the word but must overlap it."""
     return (ALL << np.uint64(max(0, first))) & (ALL >> np.uint64(64 - min(64, stop)))
 
 
-@kernel
+@kernel_part
 def prefix_xor(word: np.uint64) -> np.uint64:
     """Return the prefix parity of a word: bit i is the exclusive or of its bits 0 to i."""
     for shift in (1, 2, 4, 8, 16, 32):

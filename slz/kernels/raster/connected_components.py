@@ -6,7 +6,7 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Strided2D
 from slz.kernels.growable_array import doubled
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.raster.bitmap import NONE, ONE, Bits, bit, lowest, signed, word_mask
 
 
@@ -35,7 +35,7 @@ def runs(cells: Bits) -> Array2D[np.int64]:
     return out[:n].copy()
 
 
-@kernel
+@kernel_part
 def _find_root(run: Array2D[np.int64], i: int) -> int:
     while run[i, 3] != i:
         run[i, 3] = run[run[i, 3], 3]
@@ -43,7 +43,7 @@ def _find_root(run: Array2D[np.int64], i: int) -> int:
     return i
 
 
-@kernel
+@kernel_part
 def union_runs(run: Array2D[np.int64], corner: int) -> None:
     """Label the runs of each component with the number of its first run; `corner` is 1 for 8-connectivity."""
     n, above = len(run), 0
@@ -120,7 +120,7 @@ def largest_groups(cells: Bits, most: int) -> tuple[Array2D[np.int64], Array2D[n
     return groups, out
 
 
-@kernel
+@kernel_part
 def _any_of(cells: Bits, row: int, first: int, stop: int) -> bool:
     """Return whether any cell of a run is set."""
     for w in range(first >> 6, ((stop - 1) >> 6) + 1):
@@ -260,7 +260,7 @@ def medians(height: Array1D[np.float32], ends: Array1D[np.int64]) -> Array1D[np.
     return out
 
 
-@kernel
+@kernel_part
 def median_height(part: Bits, height: Strided2D[np.float32], row0: int, col0: int) -> float:
     """Return the median of the known heights of a part, NaN for none.
 

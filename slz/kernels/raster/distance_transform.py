@@ -6,7 +6,7 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, Strided2D
 from slz.kernels.growable_array import doubled
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.raster.bitmap import ALL, LAST, NONE, ONE, Bits, leading, lowest, signed, word_at
 
 Word = Array1D[np.uint64]
@@ -16,7 +16,7 @@ WITNESSES = 16  # recent nearest outside cells, kept for distance bounds
 MIDDLE, NEAR_BITS = np.uint64(NEAR - 1), np.uint64(NEAR)
 
 
-@kernel
+@kernel_part
 def _erode_row(row: Word, out: Word, by: int) -> None:
     """Write the cells of a row whose neighbour `by` columns to the east is also set."""
     far, near = by >> 6, np.uint64(by & 63)
@@ -28,7 +28,7 @@ def _erode_row(row: Word, out: Word, by: int) -> None:
         out[w] = row[w] & (row[w + far] >> near) if w + far < len(row) else NONE
 
 
-@kernel
+@kernel_part
 def _intersect(row: Word, other: Word) -> np.uint64:
     """Intersect a row with another one, in place; return 0 if nothing is left."""
     some = NONE
@@ -38,7 +38,7 @@ def _intersect(row: Word, other: Word) -> np.uint64:
     return some
 
 
-@kernel
+@kernel_part
 def _corners_of_larger(corners: Bits, span: Span, by: int, out: Bits) -> Span:
     """Reduce south-west corners of squares to those of squares larger by `by`, at most their side.
 
@@ -61,7 +61,7 @@ def _corners_of_larger(corners: Bits, span: Span, by: int, out: Bits) -> Span:
     return first, last, left, right
 
 
-@kernel
+@kernel_part
 def _largest(corners: Bits, side: int) -> tuple[int, tuple[int, int], int, Bits, Span, Bits, Span]:
     """Return the side and first corner of the largest square; the greatest `side` times 2^k with a square.
 
@@ -109,7 +109,7 @@ def largest_square(corners: Bits, side: int) -> int:
     return _largest(corners, side)[0]
 
 
-@kernel
+@kernel_part
 def _row_distance(part: Bits, r: int, col: int, most2: int) -> int:
     """Return the distance along a row to the nearest open cell, or one whose square is at least `most2`."""
     first, bits, words = col >> 6, np.uint64(col & 63), part.shape[1]
@@ -130,14 +130,14 @@ def _row_distance(part: Bits, r: int, col: int, most2: int) -> int:
     return int(min(best, dx + signed(leading(open_))))
 
 
-@kernel
+@kernel_part
 def _is_open(part: Bits, row: int, col: int) -> bool:
     if row < 0 or row >= part.shape[0] or col < 0 or col >= 64 * part.shape[1]:
         return True
     return bool((part[row, col >> 6] >> np.uint64(col & 63)) & ONE == NONE)
 
 
-@kernel
+@kernel_part
 def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> tuple[int, int, int]:
     """Return the squared distance from a cell to the nearest outside cell; if below `least2`, any such value.
 
@@ -160,7 +160,7 @@ def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> tuple
     return best, where, col + beside if _is_open(part, where, col + beside) else col - beside
 
 
-@kernel
+@kernel_part
 def _any_in(cells: Bits, span: Span, row: int, col: int, side: int) -> bool:
     """Return whether a cell is set in an aligned square whose side is a power of two."""
     w = col >> 6
@@ -173,7 +173,7 @@ def _any_in(cells: Bits, span: Span, row: int, col: int, side: int) -> bool:
     return bool(some != NONE)
 
 
-@kernel
+@kernel_part
 def _farthest_cells(
     part: Bits, cells: Bits, span: Span, shift: int, best2: int, most2: int
 ) -> Array2D[np.int64]:
@@ -249,13 +249,13 @@ def _farthest_cells(
     return found
 
 
-@kernel
+@kernel_part
 def _half_side(least2: int) -> int:
     """Return the half side of a square that fits around any cell nearly this far from the outside."""
     return max(0, int(np.ceil((np.sqrt(least2) - 0.5) / np.sqrt(2.0) - 1)))
 
 
-@kernel
+@kernel_part
 def _clearance_among_corners(
     part: Bits, cells: Bits, span: Span, of: int, least2: int, side: int
 ) -> Array2D[np.int64]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Float32
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits
 from slz.kernels.simd import LANES, broadcast, flags_of, load, store, where
 
@@ -14,7 +14,7 @@ Word = Array1D[np.uint64]
 HIGHEST = np.float32(np.inf)
 
 
-@kernel
+@kernel_part
 def _clear_beyond(bits: Bits, cols: int) -> None:
     """Clear the bits of the last words that are beyond the last column."""
     if cols & 63:
@@ -22,7 +22,7 @@ def _clear_beyond(bits: Bits, cols: int) -> None:
             bits[r, -1] &= (ONE << np.uint64(cols & 63)) - ONE
 
 
-@kernel
+@kernel_part
 def _combine_shifted(words: Word, count: int, far: int, shift: int, all_: bool) -> None:
     """Combine words with those `far` words and `shift` bits ahead, in place: by AND, or by OR."""
     near, rest, first = np.uint64(shift), np.uint64(63 - shift), np.uint64(far)
@@ -31,7 +31,7 @@ def _combine_shifted(words: Word, count: int, far: int, shift: int, all_: bool) 
         words[w] = words[w] & ahead if all_ else words[w] | ahead
 
 
-@kernel
+@kernel_part
 def _squares_filter(bits: Bits, radius: int, cols: int, all_: bool) -> Bits:
     """Return the cells whose square of 2 radius + 1 cells is all set, or has any set; outside is not set.
 
@@ -148,7 +148,7 @@ def exceeds(values: Array2D[np.float32], others: Array2D[np.float32], by: Float3
     return out
 
 
-@kernel
+@kernel_part
 def _row_minimum(
     values: Row, first: int, count: int, radius: int, away: int, rise: Float32, out: Row, at: int
 ) -> None:

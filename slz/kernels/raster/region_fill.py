@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.polygons.boundary_tracing import EAST_BIT, WEST_BIT, extent, trace_boundary, westmost
 from slz.kernels.raster.bitmap import ALL, LAST, NONE, ONE, Bits, popcount, prefix_xor, signed
 
@@ -38,7 +38,7 @@ def fill(
     return signed(count)
 
 
-@kernel
+@kernel_part
 def _spread_down(open_cells: np.uint64, set_: np.uint64) -> np.uint64:
     """Spread set cells to lower columns, as far as the free cells reach."""
     for shift in (1, 2, 4, 8, 16, 32):
@@ -131,7 +131,7 @@ def component(open_cells: Bits, row: int, col: int) -> Bits:
     return part
 
 
-@kernel
+@kernel_part
 def _reaches(
     safe: Bits,
     content: Bits,

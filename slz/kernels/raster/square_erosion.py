@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.raster.bitmap import NONE, Bits
 
 
-@kernel
+@kernel_part
 def erode_columns(bits: Bits, by: int) -> None:
     """Keep the cells whose neighbour `by` columns to the east is also set, in place."""
     far, near = by >> 6, np.uint64(by & 63)
@@ -25,7 +25,7 @@ def erode_columns(bits: Bits, by: int) -> None:
             bits[r, w] &= low
 
 
-@kernel
+@kernel_part
 def erode_rows(bits: Bits, by: int) -> None:
     """Keep the cells whose neighbour `by` rows to the north is also set, in place."""
     rows, words = bits.shape

@@ -8,7 +8,7 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, Strided2D
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
-from slz.kernels.jit import kernel, kernel_for_any_types
+from slz.kernels.jit import kernel, kernel_for_any_types, kernel_part
 from slz.kernels.raster.bitmap import NONE, ONE, Bits, popcount, signed, word_at
 
 Sums = Array2D[np.float64]
@@ -18,7 +18,7 @@ N_SAFE, N_UNSAFE, SUM_CERTAINTY, SUM_SLOPE, N_SLOPE, SUM_ROUGHNESS, N_ROUGHNESS 
 ZONAL_STATISTICS = 7
 
 
-@kernel
+@kernel_part
 def _add_finite(sums: Sums, of: int, values: Array1D[np.float32], first: np.uint64, cells: np.uint64) -> None:
     """Add the set and finite ones of 64 values, each to the sum of its bit, and count them."""
     for k in range(np.uint64(64)):
@@ -28,7 +28,7 @@ def _add_finite(sums: Sums, of: int, values: Array1D[np.float32], first: np.uint
         sums[of + 1, k] += 1.0 if counts else 0.0
 
 
-@kernel
+@kernel_part
 def _add_word(
     mine: np.uint64,
     inside: np.uint64,

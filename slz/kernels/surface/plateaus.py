@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 FLAT_M = 0.5  # between two places at the foot of a wall
 
 
-@kernel
+@kernel_part
 def _root(parent: Array1D[np.int32], i: int) -> int:
     while parent[i] != i:
         parent[i] = parent[parent[i]]

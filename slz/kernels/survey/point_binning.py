@@ -10,14 +10,14 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, Int32, Strided2D, Strided3D
 from slz.kernels.cells.cell_record import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 BLOCK_BITS = 8
 BLOCK = 1 << BLOCK_BITS  # cells along the side of a block
 MOST_INDEX = 2.0**30  # bound on a row or column
 
 
-@kernel
+@kernel_part
 def _find(blocks: Array2D[np.int64], slots: Array1D[np.int64], row: int, col: int) -> int:
     """Return the hash slot of a block's number, or the empty slot (-1) for it."""
     mask = len(slots) - 1

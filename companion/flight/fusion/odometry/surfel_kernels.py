@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 SLOT_BITS = 17
 SLOTS = 1 << SLOT_BITS
@@ -22,7 +22,7 @@ MOMENTS, PLANE = 9, 5
 ROUGHNESS = 4
 
 
-@kernel
+@kernel_part
 def key_of(x: int, y: int, z: int) -> int:
     """Return the key of a voxel, never 0."""
     return (((x & _COORDINATE) << 42) | ((y & _COORDINATE) << 21) | (z & _COORDINATE)) + 1  # type: ignore[return-value]

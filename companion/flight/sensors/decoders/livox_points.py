@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 HEADER_BYTES = 36
 CENTIDEGREE = math.pi / 18000
@@ -25,17 +25,17 @@ def _u16(data: Bytes, at: np.uint64) -> np.uint32:
     return np.uint32(data[at]) | np.uint32(data[at + np.uint64(1)]) << np.uint32(8)
 
 
-@kernel
+@kernel_part
 def _u32(data: Bytes, at: np.uint64) -> np.uint32:
     return _u16(data, at) | _u16(data, at + np.uint64(2)) << np.uint32(16)
 
 
-@kernel
+@kernel_part
 def _i32(data: Bytes, at: np.uint64) -> np.int32:
     return np.int32(_u32(data, at))
 
 
-@kernel
+@kernel_part
 def _i16(data: Bytes, at: np.uint64) -> np.int16:
     return np.int16(_u16(data, at))
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, ReadOnly1D, ReadOnly2D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 Points = NDArray[np.float32]
 Stamps = NDArray[np.int64]
@@ -35,12 +35,12 @@ WAIT_NS = 4_000_000  # that a ray may wait for a return after it, more than `MOS
 SLOWEST, FASTEST = 2 * math.pi * 20, 2 * math.pi * 600  # rad/s
 
 
-@kernel
+@kernel_part
 def _wrap(angle: float) -> float:
     return angle - 2 * math.pi * math.floor(angle / (2 * math.pi) + 0.5)
 
 
-@kernel
+@kernel_part
 def _mirror_rate(
     xyz_m: ReadOnly2D[np.float32], stamp_ns: ReadOnly1D[np.int64], ring: ReadOnly1D[np.uint8]
 ) -> float:
@@ -59,7 +59,7 @@ def _mirror_rate(
     return float(np.median(rates[:found])) if found >= LEAST_SAMPLES else np.nan
 
 
-@kernel
+@kernel_part
 def _solve(matrix: Array2D[np.float64], right: Array2D[np.float64]) -> bool:
     """Solve symmetric equations, given by their upper half, in place; return whether they are well posed."""
     n = len(matrix)
@@ -80,14 +80,14 @@ def _solve(matrix: Array2D[np.float64], right: Array2D[np.float64]) -> bool:
     return True
 
 
-@kernel
+@kernel_part
 def _terms(since: float, half: float, rate: float, terms: Array1D[np.float64]) -> None:
     u = since / half
     terms[0], terms[1], terms[2] = 1.0, u, u * u
     terms[3], terms[4] = math.cos(rate * since), math.sin(rate * since)
 
 
-@kernel
+@kernel_part
 def _sample(
     xyz_m: ReadOnly2D[np.float32],
     stamp_ns: ReadOnly1D[np.int64],

@@ -14,7 +14,7 @@ import numpy as np
 
 from companion.flight.sensors.returns import thinning
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, ReadOnly2D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 BLOCKS, PLACES = 12, 32  # blocks of a packet; measurements of a block
 BLOCK_BYTES = 100
@@ -100,12 +100,12 @@ THINNING = np.array(
 )
 
 
-@kernel
+@kernel_part
 def _u16(packets: ReadOnly2D[np.uint8], packet: int, at: int) -> int:
     return int(packets[packet, at]) | int(packets[packet, at + 1]) << 8
 
 
-@kernel
+@kernel_part
 def _turn_per_tick(packets: ReadOnly2D[np.uint8], packet: int, step: int, ticks: int) -> float:
     """Return the mean turn per tick, in 0.01 degrees, without steps over an omitted sector."""
     turned, times = 0, 0
