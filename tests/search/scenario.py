@@ -127,7 +127,7 @@ def uniform(rng: np.random.Generator) -> Scenario:
 
 
 def one_trouble(rng: np.random.Generator) -> Scenario:
-    """Draw every parameter evenly, but of fault and hazard at most one: failures do not wait for each other."""
+    """Draw every parameter evenly, but of fault and hazard at most one."""
     scenario = uniform(rng)
     spared = "fault" if rng.random() < 0.5 else "hazard"
     troubled = all(scenario.values[name] != DEFAULTS[name] for name in ("fault", "hazard"))
