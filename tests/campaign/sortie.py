@@ -23,7 +23,7 @@ from tests.ports import free_port
 # A quarter of the ticks and a sixteenth of the pulses of the sensor, over a small map, from a low height.
 TICK_NS, LIDAR_MS, POINT_RATE_HZ = 10_000_000, 100, 12_500
 HEIGHT_M, CAR_BELOW_M = 12.0, 11.5
-AUTOPILOT = {"WPNAV_SPEED_UP": 500.0, "LAND_SPEED": 100.0, "LAND_ALT_LOW": 400.0}
+AUTOPILOT = {"WPNAV_SPEED_UP": 500.0, "LAND_SPEED": 100.0, "LAND_ALT_LOW": 800.0}
 CHEAP = {
     "survey_s": 3.0,
     "survey_height_m": HEIGHT_M,

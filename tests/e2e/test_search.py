@@ -33,5 +33,5 @@ def test_a_scenario_is_the_same_flight_each_time_and_ends_as_the_full_one() -> N
 
 @pytest.mark.bench
 def test_a_start_that_strikes_something_is_no_landing() -> None:
-    outcome = fly(Scenario.of(seed=16, start_deg=234.2421))
+    outcome = fly(Scenario.of(seed=8, start_deg=144.0))
     assert (outcome.end, outcome.margin, outcome.touchdown) == ("refused", 1.0, None)

@@ -24,7 +24,7 @@ from typing import Any
 from tests.search import counts, equality
 from tests.search.flight import TAKEN, fly
 from tests.search.hunt import Hunt
-from tests.search.scenario import Scenario, read
+from tests.search.scenario import Scenario, read, uniform
 from tests.search.shrink import shrink
 from tests.search.weaknesses import WEAKNESSES, all_at_once
 
@@ -128,7 +128,9 @@ def _count(own: argparse.Namespace) -> int:
     planted = partial(fly, weakness=all_at_once)
     path = own.out / ("planted_landings.json" if own.planted else "cheap_landings.json")
     try:
-        found = counts.count(path, own.landings, planted if own.planted else fly, own.seed)
+        found = counts.count(
+            path, own.landings, *((planted, own.seed, uniform) if own.planted else (fly, own.seed))
+        )
     except ValueError as error:
         raise SystemExit(f"tests.search: {error}") from None
     if not own.planted:

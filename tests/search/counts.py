@@ -13,14 +13,19 @@ import numpy as np
 from companion.desk.evidence.landing_counts import counts_document
 from companion.runtime.program_version import program_version
 from tests.search.flight import ENDS, Outcome
-from tests.search.scenario import Scenario, uniform
+from tests.search.scenario import Scenario, one_trouble
 
 KEEP_EVERY = 10
 FLIGHTS_OF_A_SEED = 10**7  # numbers of the flights of one seed, for `slz evidence`
 
 
-def count(path: Path, landings: int, fly: Callable[[Scenario], Outcome], seed: int = 1) -> dict[str, Any]:
-    """Fly landings from the number that the file ends with, up to so many in all; return the counts.
+Draw = Callable[[np.random.Generator], Scenario]
+
+
+def count(
+    path: Path, landings: int, fly: Callable[[Scenario], Outcome], seed: int = 1, draw: Draw = one_trouble
+) -> dict[str, Any]:
+    """Fly drawn landings from the number that the file ends with, up to so many in all; return the counts.
 
     Raises
     ------
@@ -29,16 +34,16 @@ def count(path: Path, landings: int, fly: Callable[[Scenario], Outcome], seed: i
     """
     counts = read(path, seed)
     while counts["landings"] < landings:
-        scenario = numbered(counts["seed"], counts["landings"])
+        scenario = numbered(counts["seed"], counts["landings"], draw)
         _add(counts, scenario, fly(scenario))
         if counts["landings"] % KEEP_EVERY == 0 or counts["landings"] == landings:
             _write(path, counts)
     return counts
 
 
-def numbered(seed: int, number: int) -> Scenario:
+def numbered(seed: int, number: int, draw: Draw = one_trouble) -> Scenario:
     """Return the scenario of a number; the same number is the same scenario."""
-    return uniform(np.random.default_rng([seed, number]))
+    return draw(np.random.default_rng([seed, number]))
 
 
 def read(path: Path, seed: int = 1) -> dict[str, Any]:

@@ -38,17 +38,17 @@ from tests.search.scenario import Scenario
 from tests.search.troubles import troubles
 
 FULL = {"tick_ns": TICK_NS, "lidar_ms": LIDAR_MS, "point_rate_hz": POINT_RATE_HZ}
-CHEAP = {"tick_ns": 20_000_000, "lidar_ms": 160, "point_rate_hz": 20_000}
-HEIGHT_M = 8.0
-START_M = 8.0  # from the place that the point is near: straight below, a Mid-360 sees nothing
-AUTOPILOT = {"WPNAV_SPEED_UP": 500.0, "LAND_SPEED": 100.0, "LAND_ALT_LOW": 400.0}
+CHEAP = {"tick_ns": 20_000_000, "lidar_ms": 160, "point_rate_hz": 12_500}
+HEIGHT_M = 6.0
+START_M = 6.0  # from the place that the point is near: straight below, a Mid-360 sees nothing
+AUTOPILOT = {"WPNAV_SPEED_UP": 500.0, "LAND_SPEED": 100.0}
 SETTINGS = {
     "survey_s": 3.0,
     "survey_height_m": HEIGHT_M,
     "adaptive": "off",  # so few returns would stretch the windows to two seconds
-    "zone_m": 40.0,
-    "max_range_m": 30.0,
-    "pose_rate_hz": 20.0,
+    "zone_m": 24.0,
+    "max_range_m": 20.0,
+    "pose_rate_hz": 10.0,
     "landing_target_hz": 5.0,
     "obstacle_hz": 2.0,
     "hazard_size_m": 1.0,  # so few returns would make it look closer for 15 s

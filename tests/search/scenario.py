@@ -43,8 +43,8 @@ SPACE: dict[str, Range | Choice] = {
     "scene": Choice(SCENES),
     "seed": Range(0, 19, 0, whole=True),
     "start_deg": Range(0.0, 360.0, 0.0),
-    "point_east_m": Range(-3.0, 3.0, 0.0),
-    "point_north_m": Range(-3.0, 3.0, 0.0),
+    "point_east_m": Range(-1.5, 1.5, 0.0),
+    "point_north_m": Range(-1.5, 1.5, 0.0),
     "wind_ms": Range(0.0, 8.0, 0.0),
     "wind_from_deg": Range(0.0, 360.0, 0.0),
     "gust_ms": Range(0.0, 2.5, 0.0),
@@ -54,16 +54,16 @@ SPACE: dict[str, Range | Choice] = {
     "link_delay_s": Range(0.0, 0.2, 0.0),
     "late_s": Range(0.0, 0.8, 0.0),
     "fault": Choice(FAULTS),
-    "fault_below_m": Range(1.0, 7.0, 7.0),
+    "fault_below_m": Range(1.0, 5.5, 5.5),
     "fault_s": Range(0.5, 10.0, 0.5),
     "hazard": Choice(KINDS),
     "hazard_size_m": Range(0.3, 3.0, 1.0),
-    "hazard_height_m": Range(0.4, 2.5, 1.0),
+    "hazard_height_m": Range(0.4, 2.0, 1.0),
     "hazard_aside_m": Range(0.0, 5.0, 0.0),
     "hazard_aside_deg": Range(0.0, 360.0, 0.0),
     "hazard_from_deg": Range(0.0, 360.0, 0.0),
     "hazard_speed_ms": Range(4.0, 10.0, 6.0),
-    "hazard_below_m": Range(4.0, 7.0, 7.0),
+    "hazard_below_m": Range(4.0, 5.5, 5.5),
 }
 """Parameters of a scenario.
 
@@ -124,6 +124,14 @@ class Scenario:
 def uniform(rng: np.random.Generator) -> Scenario:
     """Draw every parameter evenly from its range."""
     return Scenario({name: draw(part, rng) for name, part in SPACE.items()})
+
+
+def one_trouble(rng: np.random.Generator) -> Scenario:
+    """Draw every parameter evenly, but of fault and hazard at most one."""
+    scenario = uniform(rng)
+    spared = "fault" if rng.random() < 0.5 else "hazard"
+    troubled = all(scenario.values[name] != DEFAULTS[name] for name in ("fault", "hazard"))
+    return scenario.replaced(spared, DEFAULTS[spared]) if troubled else scenario
 
 
 def draw(part: Range | Choice, rng: np.random.Generator) -> Value:

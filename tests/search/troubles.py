@@ -11,7 +11,7 @@ from sitl.faults import Fault, gps_faults
 from sitl.simulation import Simulation
 from tests.search.scenario import Scenario
 
-DRIFT_BELOW_M = 7.0
+DRIFT_BELOW_M = 5.5
 
 
 class Spell:

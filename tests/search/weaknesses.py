@@ -19,7 +19,7 @@ from companion.flight.landing.situation import Phase, Situation, VehicleCommands
 from slz import PointState, SelectedPoint
 from tests.search.flight import SearchFlight, Weakness
 
-BLIND_S = 2.0  # about: from 3.5 m down to where a landing is not broken off any more
+BLIND_S = 2.5  # about: from 3.5 m down to where a landing is not broken off any more
 SHIFT_M = 1.5
 UNKNOWN_HEIGHT_M = 0.5  # of what the map alone shows
 
@@ -122,7 +122,7 @@ def between_heights(m: Moment) -> float:
 def stale_evidence(m: Moment) -> float:
     """The age of the evidence is ignored in the autopilot's landing, when the LiDAR is lost at 3.8 m."""
     share = tent(m.height_m, 3.8, 2.5) * tent(m.wind_ms, 4.0, 5.0) * turned(m.heading_deg, 90.0, 170.0)
-    return 1.6 * share if m.lost else 0.0
+    return 1.3 * share if m.lost else 0.0
 
 
 def late_computer(m: Moment) -> float:

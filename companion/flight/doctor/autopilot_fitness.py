@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from companion.flight.doctor.finding import Finding
@@ -54,6 +55,8 @@ class Fitness:
         self._handed_over = False  # this reading was caused by a hand-over, not by a retry
         self._ended_ns = 0
         self._before: tuple[tuple[object, ...], tuple[bool, ...]] | None = None
+        self._firmware: tuple[object, ...] | None = None
+        self._had: set[str] = set()  # names that this firmware has
         self._reported: tuple[tuple[str, str], ...] = ()
         self._texts: list[tuple[Severity, str]] = []
         self.faults: tuple[Finding, ...] = ()
@@ -62,7 +65,7 @@ class Fitness:
 
     @property
     def fit(self) -> bool:
-        """Whether all critical parameters were read since the last hand-over and are right."""
+        """Whether all critical parameters of its version were read since the last hand-over and are right."""
         return bool(self._rows) and not self._critical()
 
     @property
@@ -84,12 +87,13 @@ class Fitness:
         }
 
     def _critical(self) -> list[str]:
-        """Return the names of critical parameters that are wrong or unread."""
+        """Return the names of critical parameters that are wrong, or unread though every version has them."""
         values = self.values
         return [
             row.name
             for row in self._rows
-            if row.critical and not (row.name in values and row.accepts(values[row.name]))
+            if row.critical
+            and (not row.accepts(values[row.name]) if row.name in values else not row.optional)
         ]
 
     # ---- events ---------------------------------------------------------------------------------
@@ -155,13 +159,19 @@ class Fitness:
         return any(new and not old for new, old in zip(steps, before[1], strict=True))
 
     def _begin(self, vehicle: VehicleState) -> None:
-        rows = required(vehicle.autopilot, self._odometry())
+        firmware = vehicle.autopilot, vehicle.sysid, vehicle.reboots
+        self._had = self._had | set(self.values) if firmware == self._firmware else set()
+        self._firmware = firmware
+        rows = (
+            replace(row, optional=row.optional and row.name not in self._had)
+            for row in required(vehicle.autopilot, self._odometry())
+        )
         self._rows = tuple(sorted(rows, key=lambda row: row.optional))
         self._reader = ParameterReader(self._rows, vehicle.autopilot)
         self._read = False
 
     def _unread(self) -> bool:
-        return any(row.critical and row.name not in self.values for row in self._rows)
+        return any(row.critical and not row.optional and row.name not in self.values for row in self._rows)
 
     def _judge(self) -> None:
         if self._reader is None:

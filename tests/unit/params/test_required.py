@@ -33,6 +33,20 @@ def test_what_precision_landing_cannot_do_without_is_needed() -> None:
     assert not px4["COM_OBL_RC_ACT"].accepts(0.0)
 
 
+def test_a_landing_that_sinks_too_fast_to_be_broken_off_is_refused() -> None:
+    ardupilot, px4 = by_name("ardupilot"), by_name("px4")
+    for row, fast in (
+        (ardupilot["LAND_SPD_MS"], 1.5),
+        (ardupilot["LAND_SPEED"], 150.0),
+        (ardupilot["LAND_ALT_LOW_M"], 4.0),
+        (ardupilot["LAND_ALT_LOW"], 400.0),
+        (px4["MPC_LAND_SPEED"], 1.5),
+        (px4["MPC_LAND_ALT2"], 3.0),
+    ):
+        assert row.critical, row.name
+        assert not row.accepts(fast), row.name
+
+
 def test_ranges_and_choices_are_inclusive() -> None:
     ranged, chosen = by_name("ardupilot")["PLND_LAG"], by_name("ardupilot")["PLND_STRICT"]
     assert [ranged.accepts(v) for v in (0.019, 0.02, 0.1, 0.11)] == [False, True, True, False]
@@ -71,7 +85,10 @@ def test_what_some_versions_do_not_have_is_optional_and_what_others_replace_is_n
     assert {name for name, row in px4.items() if not row.loaded} == {
         "COM_RC_OVERRIDE", "MAN_OVERRIDE_SPD", "EAV_EN", "EKF2_EV_CTRL",
     }  # fmt: skip
-    assert not any(row.critical and row.optional for row in (*ardupilot.values(), *px4.values()))
+    assert {name for name, row in ardupilot.items() if row.critical and row.optional} == {
+        "LAND_SPD_MS", "LAND_ALT_LOW_M", "LAND_SPEED", "LAND_ALT_LOW",
+    }  # fmt: skip
+    assert not any(row.critical and row.optional for row in px4.values())
     assert [px4["RTL_TYPE"].accepts(value) for value in (5, 2)] == [True, False]
 
 

@@ -17,7 +17,7 @@ from tests.search.cross_entropy import next_generation
 from tests.search.equality import figures
 from tests.search.flight import Outcome
 from tests.search.hunt import GENERATION, Hunt
-from tests.search.scenario import DEFAULTS, SPACE, Range, Scenario, read, uniform
+from tests.search.scenario import DEFAULTS, SPACE, Range, Scenario, one_trouble, read, uniform
 from tests.search.shrink import shrink
 
 PEAK = {"wind_ms": 6.0, "wind_from_deg": 350.0, "hazard_height_m": 1.1, "hazard_below_m": 4.4}
@@ -58,6 +58,14 @@ def test_even_draws_are_inside_and_repeat() -> None:
     assert all(Scenario.of(**one.values) == one for one in drawn)
     assert drawn == [uniform(np.random.default_rng(number)) for number in range(50)]
     assert {one.text("fault") for one in drawn} > {"none", "lidar_stop"}
+
+
+def test_of_fault_and_hazard_at_most_one_comes_and_each_comes_often() -> None:
+    drawn = [one_trouble(np.random.default_rng(number)) for number in range(200)]
+    faulty, met = ([one.text(name) != "none" for one in drawn] for name in ("fault", "hazard"))
+    assert not any(f and m for f, m in zip(faulty, met, strict=True))
+    assert sum(faulty) > 60
+    assert sum(met) > 60
 
 
 def test_a_file_holds_what_is_not_at_its_default(tmp_path: Path) -> None:

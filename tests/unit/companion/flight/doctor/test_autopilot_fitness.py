@@ -84,6 +84,9 @@ WRONG = pytest.mark.parametrize(
         ("px4", "COM_OF_LOSS_T", 30.0, "COM_OF_LOSS_T is 30, needs 0.2 to 2"),
         ("ardupilot", "PLND_ENABLED", 0.0, "PLND_ENABLED is 0, needs 1"),
         ("ardupilot", "GUID_TIMEOUT", 60.0, "GUID_TIMEOUT is 60, needs 0.5 to 5"),
+        ("ardupilot", "LAND_SPEED", 150.0, "LAND_SPEED is 150, needs 20 to 100"),
+        ("ardupilot", "LAND_SPD_MS", 1.5, "LAND_SPD_MS is 1.5, needs 0.2 to 1"),
+        ("px4", "MPC_LAND_SPEED", 1.5, "MPC_LAND_SPEED is 1.5, needs 0.3 to 1"),
     ],
 )
 
@@ -228,9 +231,12 @@ def names(rows: Iterable[Any]) -> set[str]:
     return {row.name for row in rows if row.critical}
 
 
-def test_what_makes_a_fall_of_the_companion_dangerous_is_critical() -> None:
-    assert names(required("px4")) == {"COM_OBL_RC_ACT", "COM_OF_LOSS_T"}
-    assert names(required("ardupilot")) == {"PLND_ENABLED", "PLND_TYPE", "PLND_STRICT", "GUID_TIMEOUT"}
+def test_what_makes_a_fall_of_the_companion_or_a_late_abort_dangerous_is_critical() -> None:
+    assert names(required("px4")) == {"COM_OBL_RC_ACT", "COM_OF_LOSS_T", "MPC_LAND_SPEED", "MPC_LAND_ALT2"}
+    assert names(required("ardupilot")) == {
+        "PLND_ENABLED", "PLND_TYPE", "PLND_STRICT", "GUID_TIMEOUT",
+        "LAND_SPD_MS", "LAND_ALT_LOW_M", "LAND_SPEED", "LAND_ALT_LOW",
+    }  # fmt: skip
 
 
 @pytest.mark.parametrize(
