@@ -24,7 +24,7 @@ from typing import Any
 from tests.search import counts, equality
 from tests.search.flight import TAKEN, fly
 from tests.search.hunt import Hunt
-from tests.search.scenario import Scenario, read, uniform
+from tests.search.scenario import Scenario, one_trouble, read, uniform
 from tests.search.shrink import shrink
 from tests.search.weaknesses import WEAKNESSES, all_at_once
 
@@ -129,7 +129,12 @@ def _count(own: argparse.Namespace) -> int:
     path = own.out / ("planted_landings.json" if own.planted else "cheap_landings.json")
     try:
         found = counts.count(
-            path, own.landings, *((planted, own.seed, uniform) if own.planted else (fly, own.seed))
+            path,
+            own.landings,
+            planted if own.planted else fly,
+            own.seed,
+            uniform if own.planted else one_trouble,
+            own.jobs,
         )
     except ValueError as error:
         raise SystemExit(f"tests.search: {error}") from None

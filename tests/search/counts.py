@@ -13,6 +13,7 @@ import numpy as np
 from companion.desk.evidence.landing_counts import counts_document
 from companion.runtime.program_version import program_version
 from tests.search.flight import ENDS, Outcome
+from tests.search.flights import outcomes
 from tests.search.scenario import Scenario, one_trouble
 
 KEEP_EVERY = 10
@@ -23,9 +24,16 @@ Draw = Callable[[np.random.Generator], Scenario]
 
 
 def count(
-    path: Path, landings: int, fly: Callable[[Scenario], Outcome], seed: int = 1, draw: Draw = one_trouble
+    path: Path,
+    landings: int,
+    fly: Callable[[Scenario], Outcome],
+    seed: int = 1,
+    draw: Draw = one_trouble,
+    jobs: int = 1,
 ) -> dict[str, Any]:
     """Fly drawn landings from the number that the file ends with, up to so many in all; return the counts.
+
+    jobs: processes that fly; with more than one, `fly` must be picklable.
 
     Raises
     ------
@@ -33,9 +41,9 @@ def count(
         The file was counted by another version of the program.
     """
     counts = read(path, seed)
-    while counts["landings"] < landings:
-        scenario = numbered(counts["seed"], counts["landings"], draw)
-        _add(counts, scenario, fly(scenario))
+    scenarios = [numbered(counts["seed"], number, draw) for number in range(counts["landings"], landings)]
+    for scenario, outcome in zip(scenarios, outcomes(fly, scenarios, jobs), strict=True):
+        _add(counts, scenario, outcome)
         if counts["landings"] % KEEP_EVERY == 0 or counts["landings"] == landings:
             _write(path, counts)
     return counts

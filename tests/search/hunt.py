@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -13,9 +12,9 @@ import numpy as np
 
 from tests.search.cross_entropy import Scored, next_generation
 from tests.search.flight import REFUSED, TAKEN, Outcome
+from tests.search.flights import Fly, outcomes
 from tests.search.scenario import Scenario
 
-Fly = Callable[[Scenario], Outcome]
 Flown = dict[str, Any]
 GENERATION = 20
 EPOCH = 20 * GENERATION  # then the search begins anew, in case it is stuck
@@ -59,19 +58,11 @@ class Hunt:
                 self._learnt if not first else []
             )
             scenarios = next_generation(rng, scored, GENERATION)[done:]
-            for scenario, outcome in zip(scenarios, self._outcomes(scenarios), strict=True):
+            for scenario, outcome in zip(scenarios, outcomes(self._fly, scenarios, self._jobs), strict=True):
                 self._note(scenario, outcome)
                 if len(self.flown) >= budget or len(self.failures) >= failures:
                     break
         return self.failures
-
-    def _outcomes(self, scenarios: list[Scenario]) -> Iterator[Outcome]:
-        """Yield the outcomes in order."""
-        if self._jobs == 1:
-            yield from map(self._fly, scenarios)
-            return
-        with multiprocessing.get_context("forkserver").Pool(self._jobs) as pool:
-            yield from pool.imap(self._fly, scenarios)
 
     def _note(self, scenario: Scenario, outcome: Outcome) -> None:
         flown = {"scenario": dict(scenario.values)} | asdict(outcome)
