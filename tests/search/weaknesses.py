@@ -19,7 +19,7 @@ from companion.flight.landing.situation import Phase, Situation, VehicleCommands
 from slz import PointState, SelectedPoint
 from tests.search.flight import SearchFlight, Weakness
 
-BLIND_S = 2.5  # about: from 3.5 m down to where a landing is not broken off any more
+BLIND_S = 3.2  # about: from 4 m down to where a landing is not broken off any more
 SHIFT_M = 1.5
 UNKNOWN_HEIGHT_M = 0.5  # of what the map alone shows
 
@@ -111,28 +111,28 @@ def _blind(flight: SearchFlight, share: Callable[[Moment], float]) -> Iterator[N
 
 def crosswind(m: Moment) -> float:
     """What comes is ignored for seconds if it is 1.1 m high, the wind is strong, and the nose about south."""
-    return tent(m.wind_ms, 6.0, 5.0) * turned(m.heading_deg, 200.0, 150.0) * tent(m.tall_m, 1.1, 1.2)
+    return tent(m.wind_ms, 6.0, 2.5) * turned(m.heading_deg, 200.0, 75.0) * tent(m.tall_m, 1.1, 0.6)
 
 
 def between_heights(m: Moment) -> float:
     """The watch stops between two heights, for what is 0.7 m high and comes on from the east."""
-    return tent(m.height_m, 3.6, 2.5) * turned(m.bearing_deg, 90.0, 150.0) * tent(m.tall_m, 0.7, 1.2)
+    return tent(m.height_m, 3.6, 1.6) * turned(m.bearing_deg, 90.0, 75.0) * tent(m.tall_m, 0.7, 0.6)
 
 
 def stale_evidence(m: Moment) -> float:
     """The age of the evidence is ignored in the autopilot's landing, when the LiDAR is lost at 3.8 m."""
-    share = tent(m.height_m, 3.8, 2.5) * tent(m.wind_ms, 4.0, 5.0) * turned(m.heading_deg, 90.0, 170.0)
-    return 1.3 * share if m.lost else 0.0
+    share = tent(m.height_m, 3.8, 1.5) * tent(m.wind_ms, 4.0, 2.5) * turned(m.heading_deg, 90.0, 85.0)
+    return share if m.lost else 0.0
 
 
 def late_computer(m: Moment) -> float:
     """A slow computer and wind from the north-west together let what comes be ignored."""
-    return tent(m.age_s, 1.1, 0.8) * turned(m.wind_from_deg, 315.0, 150.0) * tent(m.wind_ms, 5.0, 4.0)
+    return tent(m.age_s, 1.1, 0.5) * turned(m.wind_from_deg, 315.0, 75.0) * tent(m.wind_ms, 5.0, 2.2)
 
 
 def clock_offset(m: Moment, delay_s: float) -> float:
     """A link late by about 0.12 s, in a wind from the south, shifts position and landing target east."""
-    return tent(delay_s, 0.12, 0.1) * turned(m.wind_from_deg, 180.0, 150.0) * tent(m.wind_ms, 5.0, 4.0)
+    return tent(delay_s, 0.12, 0.06) * turned(m.wind_from_deg, 180.0, 75.0) * tent(m.wind_ms, 5.0, 2.2)
 
 
 @contextmanager
