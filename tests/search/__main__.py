@@ -23,7 +23,7 @@ from typing import Any
 
 from tests.search import counts, equality
 from tests.search.flight import TAKEN, fly
-from tests.search.hunt import Hunt
+from tests.search.hunt import Hunt, is_failure
 from tests.search.scenario import Scenario, one_trouble, read, uniform
 from tests.search.shrink import shrink
 from tests.search.weaknesses import WEAKNESSES, all_at_once
@@ -92,12 +92,13 @@ def _plant(own: argparse.Namespace) -> int:
             own.seed,
             learnt.flown[: own.learn],
             own.jobs,
+            confirm=lambda scenario: not fly(scenario).unsafe,
         )
         found = hunt.run(own.landings)
         line: dict[str, Any] = {"weakness": name, "found": bool(found), "landings": len(hunt.flown)}
         line["cpu_s"] = round(sum(one["cpu_s"] for one in hunt.flown), 1)
+        line["unsafe_without_it"] = sum(is_failure(one) and not one["failure"] for one in hunt.flown)
         if found:
-            line["safe_without"] = not fly(found[0]).unsafe
             line["minimal"] = _keep(own, found[0], name, name).changed()
         line["cpu_s_with_shrinking"] = round(line["cpu_s"] + time.process_time() - started_s, 1)
         missed += not found
@@ -114,7 +115,7 @@ def _keep(own: argparse.Namespace, scenario: Scenario, name: str, weakness: str 
 
     def fails(one: Scenario) -> bool:
         outcome = fly(one, weakness=planted)
-        return outcome.unsafe and outcome.end != TAKEN
+        return outcome.unsafe and outcome.end != TAKEN and (planted is None or not fly(one).unsafe)
 
     minimal = shrink(scenario, fails, own.flights_to_shrink)
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -38,7 +38,7 @@ from tests.search.scenario import Scenario
 from tests.search.troubles import troubles
 
 FULL = {"tick_ns": TICK_NS, "lidar_ms": LIDAR_MS, "point_rate_hz": POINT_RATE_HZ}
-CHEAP = {"tick_ns": 20_000_000, "lidar_ms": 160, "point_rate_hz": 12_500}
+CHEAP = {"tick_ns": 20_000_000, "lidar_ms": 160, "point_rate_hz": 16_000}
 HEIGHT_M = 6.0
 START_M = 6.0  # from the place that the point is near: straight below, a Mid-360 sees nothing
 AUTOPILOT = {"WPNAV_SPEED_UP": 500.0, "LAND_SPEED": 100.0}
@@ -53,7 +53,7 @@ SETTINGS = {
     "obstacle_hz": 2.0,
     "hazard_size_m": 1.0,  # so few returns would make it look closer for 15 s
 }
-MAVLINK_PORT, LIDAR_PORT = 14_550, 56_301  # in memory
+MAVLINK_PORT = 14_550  # in memory
 LOOK_S, LIMIT_S, ORDER_AGAIN_S = 0.1, 60.0, 0.5
 TAKE_OFF_NS = 15_000_000_000
 APPROACH_S = 16.0  # after the order the descent begins, or the point counts as refused
@@ -104,7 +104,7 @@ class SearchFlight(Mission):
         self.scenario, self.cheap = scenario, cheap
         self.place = _built(scenario.text("scene"), int(scenario.number("seed"))).home_enu
         self.mavlink_port = MAVLINK_PORT if cheap else free_port()
-        lidar_port = LIDAR_PORT if cheap else free_port()
+        lidar_port = free_port()  # bound in memory, too, for a moment
         rngs = [
             np.random.default_rng(s) for s in np.random.SeedSequence(int(scenario.number("seed"))).spawn(3)
         ]
@@ -123,6 +123,7 @@ class SearchFlight(Mission):
             **(CHEAP if cheap else FULL),
         )
         self.lidar = f"livox:{LOCAL}:{lidar_port}"
+        self._lidar_port = lidar_port
         self.parameters = params.build(SETTINGS | {"max_wind_ms": 20.0})
         self.auto, self.record, self.front = False, None, None
         self._take_off()
@@ -168,10 +169,10 @@ class SearchFlight(Mission):
                     loop.deliver(MAVLINK_PORT, frame)
             return now_ns
 
-        loop = MemoryLoop(advance)
+        loop, port = MemoryLoop(advance), self._lidar_port
         loop.outgoing[MAVLINK_PORT] = wire.send
         self.sim.lidar.close()
-        self.sim.lidar = MemoryPort(self.sim.lidar, lambda packet: loop.deliver(LIDAR_PORT, packet))
+        self.sim.lidar = MemoryPort(self.sim.lidar, lambda packet: loop.deliver(port, packet))
         return loop
 
     async def script(self, _: Mission) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -33,20 +33,30 @@ class Hunt:
         Flights of another hunt, to begin with what they teach; a new beginning is without them.
     jobs
         Processes that fly; with more than one, `fly` must be picklable.
+    confirm
+        Says whether an unsafe touchdown is what is hunted; None takes each.
 
     Attributes
     ----------
     flown
-        All flights, in their order: scenario, margin, score, end.
+        All flights, in their order: scenario, margin, score, end, whether it is a failure.
     failures
-        Scenarios with an unsafe touchdown of the companion's own.
+        Scenarios with an unsafe touchdown of the companion's own, as far as they are what is hunted.
     """
 
-    def __init__(self, path: Path, fly: Fly, seed: int, learnt: Sequence[Flown] = (), jobs: int = 1) -> None:
-        self._path, self._fly, self._seed, self._jobs = path, fly, seed, jobs
+    def __init__(
+        self,
+        path: Path,
+        fly: Fly,
+        seed: int,
+        learnt: Sequence[Flown] = (),
+        jobs: int = 1,
+        confirm: Callable[[Scenario], bool] | None = None,
+    ) -> None:
+        self._path, self._fly, self._seed, self._jobs, self._confirm = path, fly, seed, jobs, confirm
         self._learnt = _scored(learnt)
         self.flown: list[Flown] = _read(path)
-        self.failures = [Scenario.of(**one["scenario"]) for one in self.flown if is_failure(one)]
+        self.failures = [Scenario.of(**one["scenario"]) for one in self.flown if one["failure"]]
 
     def run(self, budget: int, *, failures: int = 1) -> list[Scenario]:
         """Fly until as many failures are found or the budget is flown; return the failures."""
@@ -66,8 +76,9 @@ class Hunt:
 
     def _note(self, scenario: Scenario, outcome: Outcome) -> None:
         flown = {"scenario": dict(scenario.values)} | asdict(outcome)
+        flown["failure"] = is_failure(flown) and (self._confirm is None or self._confirm(scenario))
         self.flown.append(flown)
-        if is_failure(flown):
+        if flown["failure"]:
             self.failures.append(scenario)
         self._path.parent.mkdir(parents=True, exist_ok=True)
         with self._path.open("a", encoding="utf-8") as out:

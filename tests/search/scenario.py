@@ -57,7 +57,7 @@ SPACE: dict[str, Range | Choice] = {
     "fault_below_m": Range(1.0, 5.5, 5.5),
     "fault_s": Range(0.5, 10.0, 0.5),
     "hazard": Choice(KINDS),
-    "hazard_size_m": Range(0.3, 3.0, 1.0),
+    "hazard_size_m": Range(0.6, 3.0, 1.0),
     "hazard_height_m": Range(0.4, 2.0, 1.0),
     "hazard_aside_m": Range(0.0, 5.0, 0.0),
     "hazard_aside_deg": Range(0.0, 360.0, 0.0),

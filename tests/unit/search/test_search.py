@@ -83,6 +83,16 @@ def test_the_search_finds_what_even_draws_miss(tmp_path: Path) -> None:
         assert narrow(hunt.failures[0]).unsafe
 
 
+def test_a_hunt_goes_past_failures_that_are_not_what_is_hunted(tmp_path: Path) -> None:
+    path = tmp_path / "hunt.jsonl"
+    strict = Hunt(path, narrow, 1, confirm=lambda scenario: scenario.number("wind_ms") > 6.0)
+    (found,) = strict.run(2000)
+    others = [one for one in strict.flown if one["margin"] < 0.0 and not one["failure"]]
+    assert found.number("wind_ms") > 6.0
+    assert all(one["scenario"]["wind_ms"] <= 6.0 for one in others)
+    assert Hunt(path, narrow, 1).failures == [found]
+
+
 def test_a_hunt_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     whole, parts = (Hunt(tmp_path / name, narrow, 1) for name in ("whole.jsonl", "parts.jsonl"))
     whole.run(3 * GENERATION + 5, failures=9)
