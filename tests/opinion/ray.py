@@ -266,8 +266,8 @@ def run(names: Sequence[str], seed: int) -> int:
     return int(not known)
 
 
-HEAD = """| | rays | returns | other hit or miss | other surface | range: median, p99, max, m | cosine: p99.9, max | \
-Embree on solids, beyond its triangles | causes |
+HEAD = """| | rays | returns | other hit or miss | other surface | range: median, p99, max, m | \
+cosine: p99.9, max | Embree on solids, beyond its triangles | causes |
 |---|---|---|---|---|---|---|---|---|"""
 
 
