@@ -14,9 +14,12 @@ Flags = NDArray[np.bool_]
 
 FAINTEST = 1e-4
 """Brightness below which an echo is lost at any range."""
-TAIL_FACTOR = 3.5
-"""With `Noise.tail` of 2 %: 0.8 % beyond 5 cm and 0.3 % beyond 7.5 cm of an OS0 on smooth surfaces (recorded:
-0.7 and 0.3 %; a VLP-16: 0.3 and 0.1 %), see docs/benchmark/second-opinion.md."""
+TAIL_SIGMA_M = 0.05
+"""Standard deviation of the range errors of `Noise.tail`.
+
+At 2 % of the returns, 0.3 % of a VLP-16's and of an OS0's are beyond 7.5 cm on smooth surfaces (recorded: 0.1
+and 0.3 %; docs/benchmark/second-opinion.md).
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +38,7 @@ class Noise:
     tagged: float = 0.7
     """Share of ghosts and dust that the sensor marks, if it marks any."""
     tail: float = 0.02
-    """Share of the returns whose range error is `TAIL_FACTOR` times as large."""
+    """Share of the returns whose range error has the deviation `TAIL_SIGMA_M`."""
     intensity_sigma: float = 0.1
     """Relative error of the brightness."""
     row_sigma_m: float = 0.0
@@ -44,6 +47,11 @@ class Noise:
     """Whether an edge divides a beam: returns between two surfaces, second returns, fainter edges."""
     particles: Particles | None = None
     """Plumes of dust, rain or snow beside the even, bright specks of `dust`."""
+
+    @property
+    def tail_factor(self) -> float:
+        """Deviation of the tail in that of the other returns."""
+        return max(1.0, TAIL_SIGMA_M / self.range_sigma_m) if self.range_sigma_m > 0.0 else 1.0
 
     @classmethod
     def none(cls) -> Noise:

@@ -28,7 +28,6 @@ from sitl.sensors.layer_echoes import (
 from sitl.sensors.lidar_mount import Mount
 from sitl.sensors.optics import (
     FAINTEST,
-    TAIL_FACTOR,
     Echoes,
     Flags,
     Noise,
@@ -290,7 +289,7 @@ class PulseLidar(ABC):
             bright[at] = found.strongest_bright
             hits = hits.with_several(at, found, met.echoes, met.labels)
             reported.append((at, found))
-        normal[uniform[:, 0] > 1.0 - self.noise.tail, 2] *= TAIL_FACTOR
+        normal[uniform[:, 0] > 1.0 - self.noise.tail, 2] *= self.noise.tail_factor
         row_m = self._row_m[index % self.rows]
         measured = np.where(seen, true_range + range_error(true_range, normal[:, 2], self.noise) + row_m, 0.0)
         echoes = false_returns(measured, seen, bright, uniform, self.noise)

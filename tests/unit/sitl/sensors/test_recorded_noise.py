@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sitl.sensors import ouster_os1, vlp16
 from sitl.sensors.lidar_mount import Mount
 from sitl.sensors.mid360 import Mid360
-from sitl.sensors.optics import TAIL_FACTOR, Noise
+from sitl.sensors.optics import TAIL_SIGMA_M, Noise
 from sitl.sensors.ouster_os1 import OS0, Ouster
 from sitl.sensors.pulse_lidar import PulseLidar, Shots
 from sitl.sensors.velodyne_packets import ReturnMode
@@ -50,8 +50,8 @@ def test_range_errors_have_tails_of_a_wider_deviation() -> None:
     measured = shots_of(Mid360, noise, flat_world()).echoes.range_m
     seen = truth > 8.0
     error = (measured - truth)[seen] / 0.02
-    assert error.var() == pytest.approx(0.9 + 0.1 * TAIL_FACTOR**2, rel=0.05)
-    assert (np.abs(error) > 4.0).mean() == pytest.approx(0.1 * 0.253, rel=0.15)  # of 1.14 deviations
+    assert error.var() == pytest.approx(0.9 + 0.1 * (TAIL_SIGMA_M / 0.02) ** 2, rel=0.05)
+    assert (np.abs(error) > 4.0).mean() == pytest.approx(0.1 * 0.110, rel=0.15)  # of 1.6 deviations
 
 
 @pytest.mark.parametrize(("kind", "rows"), [(Vlp16, LASERS), (Ouster, ouster_os1.ROWS)])
