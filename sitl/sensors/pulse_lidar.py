@@ -113,7 +113,7 @@ class Rays:
 class Several:
     """Pulses with several possible echoes: their places, echoes and codes of ``hits``.
 
-    by_power: mask of those whose strongest echo is told by the power at the receiver; None for none.
+    by_power: mask of those whose strongest echo is the one of most power at the receiver; None for none.
     """
 
     at: I64
@@ -403,7 +403,7 @@ class PulseLidar(ABC):
     def _reported(self, echoes: BeamEchoes, by_power: Flags | None, normal: F64, uniform: F64) -> Reported:
         """Return what is reported of echoes: those bright enough, one pulse's all lost or none.
 
-        A wire or an edge may be far before the ground: there the power, bright / range^2, counts.
+        Of a pulse that meets a wire or an edge, the power counts, bright / range^2: these may be far apart.
         """
         merged = merge(echoes)
         faint = self.reach.faint(merged.bright)
