@@ -40,7 +40,7 @@ MAX_LEAN_RAD = math.radians(20.0)
 FULL_V, EMPTY_V = 16.8, 14.0
 OUTER_LOOP_NS = 10_000_000
 AVOID_PROXIMITY = 2
-LANDED_NS = 1_000_000_000
+LANDED_NS = 2_500_000_000  # ArduCopter SITL: 2.5 to 2.6 s from touchdown to disarmed
 RANGEFINDER_NS = 500_000_000
 
 
@@ -384,7 +384,7 @@ class Autopilot:
         return np.array([east, ahead * math.cos(yaw) - right * math.sin(yaw)])
 
     def _on_ground(self, now_ns: int) -> None:
-        """Disarm after a second on the ground in a landing mode, else after DISARM_DELAY."""
+        """Disarm after `LANDED_NS` on the ground in a landing mode, else after DISARM_DELAY."""
         if self._settled_since_ns is None:
             self._settled_since_ns = now_ns
         settled_ns = now_ns - self._settled_since_ns

@@ -14,11 +14,21 @@ Flags = NDArray[np.bool_]
 
 FAINTEST = 1e-4
 """Brightness below which an echo is lost at any range."""
+TAIL_SIGMA_M = 0.05
+"""Standard deviation of the range errors of `Noise.tail`.
+
+At 2 % of the returns, 0.3 % of a VLP-16's and of an OS0's are beyond 7.5 cm on smooth surfaces (recorded: 0.1
+and 0.3 %; docs/benchmark/second-opinion.md).
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Noise of a real sensor; probabilities are per pulse."""
+    """Noise of a real sensor; probabilities are per pulse.
+
+    Tails, errors of intensities and of rows, and divided beams are those of recordings of a VLP-16 and an
+    OS0 (docs/benchmark/second-opinion.md); other sensors have the same tails, and intensities of a VLP-16.
+    """
 
     range_sigma_m: float = 0.02
     angle_sigma_deg: float = 0.15
@@ -27,13 +37,26 @@ class Noise:
     dust: float = 1e-4
     tagged: float = 0.7
     """Share of ghosts and dust that the sensor marks, if it marks any."""
+    tail: float = 0.02
+    """Share of the returns whose range error has the deviation `TAIL_SIGMA_M`."""
+    intensity_sigma: float = 0.1
+    """Relative error of the brightness."""
+    row_sigma_m: float = 0.0
+    """Standard deviation of the constant range error of each laser."""
+    divided: bool = True
+    """Whether an edge divides a beam: returns between two surfaces, second returns, fainter edges."""
     particles: Particles | None = None
     """Plumes of dust, rain or snow beside the even, bright specks of `dust`."""
+
+    @property
+    def tail_factor(self) -> float:
+        """Deviation of the tail in that of the other returns."""
+        return max(1.0, TAIL_SIGMA_M / self.range_sigma_m) if self.range_sigma_m > 0.0 else 1.0
 
     @classmethod
     def none(cls) -> Noise:
         """Return a sensor without noise (limits of range and of reflectivity stay)."""
-        return cls(0.0, 0.0, 0.0, 0.0, 0.0)
+        return cls(0.0, 0.0, 0.0, 0.0, 0.0, tail=0.0, intensity_sigma=0.0, divided=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
 """Base class of LiDARs that fire single pulses into a moving world.
 
-A beam has a width in plants and snow, see ``layer_echoes``, and at thin wires, see ``wire_cast``. Not
-modelled: mixed pixels at edges, the vehicle's own legs in the view.
+A beam has a width in plants and snow, see ``layer_echoes``, at thin wires, see ``wire_cast``, and at edges,
+see ``beam_edges``. Not modelled: noise that neighbouring pulses share, the vehicle's own legs in the view.
 """
 
 from __future__ import annotations
@@ -26,9 +26,19 @@ from sitl.sensors.layer_echoes import (
     with_wires,
 )
 from sitl.sensors.lidar_mount import Mount
-from sitl.sensors.optics import FAINTEST, Echoes, Flags, Noise, Reach, false_returns, range_error, tilt
+from sitl.sensors.optics import (
+    FAINTEST,
+    Echoes,
+    Flags,
+    Noise,
+    Reach,
+    false_returns,
+    range_error,
+    tilt,
+)
 from sitl.sensors.return_hits import Hits
 from sitl.sensors.sensor_clock import Clock
+from sitl.world.beam_edges import EdgeEchoes, edge_echoes
 from sitl.world.hits import NOTHING
 from sitl.world.primitives import REFLECTANCE
 from sitl.world.wires import Beam, WireEchoes
@@ -99,6 +109,19 @@ class Rays:
         return spread
 
 
+@dataclass(frozen=True, slots=True)
+class Several:
+    """Pulses with several possible echoes: their places, echoes and codes of ``hits``.
+
+    by_power: mask of those whose strongest echo is the one of most power at the receiver; None for none.
+    """
+
+    at: I64
+    echoes: BeamEchoes
+    labels: I64
+    by_power: Flags | None
+
+
 class PulseLidar(ABC):
     """LiDAR on a moving vehicle.
 
@@ -151,6 +174,8 @@ class PulseLidar(ABC):
         self._normal, self._uniform = rng.spawn(2)
         self._leaf, self._glint = rng.spawn(2)
         self._air_seed = int(rng.spawn(1)[0].integers(1 << 32))
+        self._flicker, rows = rng.spawn(2)
+        self._row_m = noise.row_sigma_m * rows.standard_normal(self.rows)
         self._next = 0
         self._pending: Shots | None = None
         self._until_ns: int | None = None
@@ -176,6 +201,11 @@ class PulseLidar(ABC):
     @property
     def group(self) -> int:
         """Number of pulses that a packet never separates; a packet begins with the first of a group."""
+        return 1
+
+    @property
+    def rows(self) -> int:
+        """Number of lasers, which fire in turn."""
         return 1
 
     def origins_m(self, index: I64) -> F64 | None:
@@ -246,51 +276,78 @@ class PulseLidar(ABC):
         rays = self._rays(index, nominal, normal, position, attitude)
         depths, glint = self._layer_draws(index.size, world)
         time_s = np.asarray(stamps_ns * 1e-9, np.float64)
-        c = world.cross(
-            rays.origin,
-            rays.direction,
-            self.reach.most_m,
-            depths[rays.chosen],
-            thin_wires=False,
-            time_s=time_s[rays.chosen],
-        )
+        c = self._cast(rays, depths[rays.chosen], time_s[rays.chosen], world)
         true_range = rays.spread(c.range_m, index.size, np.nan)
         bright = rays.spread(REFLECTANCE[c.kind] * c.cosine, index.size, 0.0)
         seen = self.reach.detected(true_range, bright, normal[:, 3], uniform[:, 0], self.noise)
         hits = Hits.of_one(rays.spread(c.hit, index.size, NOTHING), seen)
-        own, wires = self._widened(c, rays, attitude, world)
-        if own is None:  # no pulse met a layer or a wire
-            measured = self._measured(true_range, seen, normal)
-            echoes = false_returns(measured, seen, bright, uniform, self.noise)
-            shots = Shots(index, nominal, echoes, bright, hits.falsified(echoes))
-            return self._in_air(shots, rays, time_s)
-        at = (np.arange(index.size) if rays.traced is None else np.flatnonzero(rays.traced))[own]
-        met = beam_echoes(
-            c.of(own),
-            rays.origin[own],
-            rays.direction[own],
-            time_s[at],
-            world.water,
-            self.WAVELENGTH_NM,
-            glint[at],
+        reported = []
+        for met in self._several(c, index, rays, attitude, time_s, glint, world):
+            at = met.at
+            found = self._reported(met.echoes, met.by_power, normal[at, 3], uniform[at, 0])
+            seen[at], true_range[at] = found.strongest_m > 0.0, found.strongest_m
+            bright[at] = found.strongest_bright
+            hits = hits.with_several(at, found, met.echoes, met.labels)
+            reported.append((at, found))
+        normal[uniform[:, 0] > 1.0 - self.noise.tail, 2] *= self.noise.tail_factor
+        row_m = self._row_m[index % self.rows]
+        measured = np.where(seen, true_range + range_error(true_range, normal[:, 2], self.noise) + row_m, 0.0)
+        echoes = false_returns(measured, seen, bright, uniform, self.noise)
+        for at, found in reported:
+            self._add_second(echoes, found, at, normal[at, 2], row_m[at])
+        flicker = np.maximum(
+            1.0 + self.noise.intensity_sigma * self._flicker.standard_normal(index.size), 0.1
         )
-        labels = echo_hits(c.of(own))
-        if wires is not None:
-            met, labels = with_wires(met, wires.of(own)), np.hstack([labels, wires.index[own]])
-        found = self._reported(
-            met, None if wires is None else wires.share[own, 0] > 0.0, normal[at, 3], uniform[at, 0]
+        for values in (bright, echoes.behind_bright, echoes.other_bright):
+            values *= flicker
+        return self._in_air(Shots(index, nominal, echoes, bright, hits.falsified(echoes)), rays, time_s)
+
+    def _cast(self, rays: Rays, depths: F64, time_s: F64, world: World) -> Crossings:
+        return world.cross(
+            rays.origin, rays.direction, self.reach.most_m, depths, thin_wires=False, time_s=time_s
         )
-        seen[at], true_range[at], bright[at] = (
-            found.strongest_m > 0.0,
-            found.strongest_m,
-            found.strongest_bright,
-        )
-        hits = hits.with_several(at, found, met, labels)
-        measured = self._measured(true_range, seen, normal)
-        both = false_returns(measured, seen, bright, uniform, self.noise)
-        self._add_second(both, found, at, normal[at, 2])
-        shots = Shots(index, nominal, both, bright, hits.falsified(both))
-        return self._in_air(shots, rays, time_s)
+
+    def _several(
+        self, c: Crossings, index: I64, rays: Rays, attitude: F64, time_s: F64, glint: F64, world: World
+    ) -> list[Several]:
+        """Return the pulses with several echoes: those that layers or wires divide, then edges."""
+        traced = np.arange(index.size) if rays.traced is None else np.flatnonzero(rays.traced)
+        ups = self.mount.to_enu(np.tile([0.0, 0.0, 1.0], (traced.size, 1)), attitude[traced])
+        own, wires = self._widened(c, rays, ups, world)
+        found = []
+        if own is not None:
+            at = traced[own]
+            met = beam_echoes(
+                c.of(own),
+                rays.origin[own],
+                rays.direction[own],
+                time_s[at],
+                world.water,
+                self.WAVELENGTH_NM,
+                glint[at],
+            )
+            labels = echo_hits(c.of(own))
+            if wires is not None:
+                met, labels = with_wires(met, wires.of(own)), np.hstack([labels, wires.index[own]])
+            by_power = None if wires is None else wires.share[own, 0] > 0.0
+            found.append(Several(at, met, labels, by_power))
+        if self.noise.divided and traced.size:
+            edges = self._edges(c, index[traced], rays, ups, time_s[traced], world)
+            alone = edges.divided if own is None else edges.divided & ~own
+            k = alone[edges.divided]
+            if k.any():
+                met = BeamEchoes(edges.range_m[k], edges.bright[k])
+                found.append(Several(traced[alone], met, edges.hit[k], np.ones(int(k.sum()), np.bool_)))
+        return found
+
+    def _edges(self, c: Crossings, index: I64, rays: Rays, ups: F64, time_s: F64, world: World) -> EdgeEchoes:
+        """Return the echoes of beams that an edge divides."""
+
+        def cast(own: I64, directions: F64) -> Crossings:
+            leafless = np.zeros((own.size, 0))
+            return self._cast(Rays(rays.origin[own], directions, None), leafless, time_s[own], world)
+
+        return edge_echoes(c, index, rays.direction, ups, self.beam, self.reach.most_m, cast)
 
     def _in_air(self, shots: Shots, rays: Rays, time_s: F64) -> Shots:
         """Return the shots with the returns of particles in the air, of the pulses that are traced."""
@@ -302,9 +359,6 @@ class PulseLidar(ABC):
             shots.echoes, shots.bright, shots.index, direction, time_s, self._air_seed
         )
         return Shots(shots.index, shots.unit, echoes, bright, shots.hits.falsified(echoes))
-
-    def _measured(self, true_range: F64, seen: Flags, normal: F64) -> F64:
-        return np.where(seen, true_range + range_error(true_range, normal[:, 2], self.noise), 0.0)
 
     def _rays(self, index: I64, nominal: F64, normal: F64, position: F64, attitude: F64) -> Rays:
         """Return the rays of the traced pulses, with the error of their direction."""
@@ -328,7 +382,7 @@ class PulseLidar(ABC):
         return depths, self._glint.standard_gamma(shape, count) / shape
 
     def _widened(
-        self, c: Crossings, rays: Rays, attitude: F64, world: World
+        self, c: Crossings, rays: Rays, ups: F64, world: World
     ) -> tuple[Flags | None, WireEchoes | None]:
         """Return the mask of pulses with more than an opaque surface, None for none, and their wires."""
         own = touched(c) if world.has_layers else None
@@ -336,10 +390,8 @@ class PulseLidar(ABC):
             own = None
         wires = None
         if world.wires:
-            attitude = attitude if rays.traced is None else attitude[rays.traced]
-            up = self.mount.to_enu(np.tile([0.0, 0.0, 1.0], (len(attitude), 1)), attitude)
             wires = world.wires.echoes(
-                rays.origin, rays.direction, up, c.range_m, self.reach.most_m, self.beam
+                rays.origin, rays.direction, ups, c.range_m, self.reach.most_m, self.beam
             )
             wired = wires.share[:, 0] > 0.0
             if wired.any():
@@ -348,10 +400,10 @@ class PulseLidar(ABC):
                 wires = None
         return own, wires
 
-    def _reported(self, echoes: BeamEchoes, wired: Flags | None, normal: F64, uniform: F64) -> Reported:
+    def _reported(self, echoes: BeamEchoes, by_power: Flags | None, normal: F64, uniform: F64) -> Reported:
         """Return what is reported of echoes: those bright enough, one pulse's all lost or none.
 
-        A wire may be far before the ground: where there is one, the power, bright / range^2, counts.
+        Of a pulse that meets a wire or an edge, the power counts, bright / range^2: these may be far apart.
         """
         merged = merge(echoes)
         faint = self.reach.faint(merged.bright)
@@ -361,17 +413,17 @@ class PulseLidar(ABC):
         ]
         seen = np.column_stack(lit) & (merged.bright >= FAINTEST)
         power = None
-        if wired is not None:
+        if by_power is not None:
             with np.errstate(invalid="ignore"):
                 near = merged.bright / merged.range_m**2
-            power = np.where(wired[:, np.newaxis], np.nan_to_num(near), merged.bright)
+            power = np.where(by_power[:, np.newaxis], np.nan_to_num(near), merged.bright)
         return report(merged, seen, self.SEPARATION_M, power)
 
-    def _add_second(self, echoes: Echoes, found: Reported, at: I64, normal: F64) -> None:
+    def _add_second(self, echoes: Echoes, found: Reported, at: I64, normal: F64, row_m: F64) -> None:
         """Write the second returns of pulses; a ghost has none, and dust takes the place of the other."""
         two = (found.last_m != found.other_m) & ~echoes.ghost[at]
-        last_m = found.last_m + range_error(found.last_m, normal, self.noise)
-        other_m = found.other_m + range_error(found.other_m, normal, self.noise)
+        last_m = found.last_m + range_error(found.last_m, normal, self.noise) + row_m
+        other_m = found.other_m + range_error(found.other_m, normal, self.noise) + row_m
         echoes.behind_m[at[two]], echoes.behind_bright[at[two]] = last_m[two], found.last_bright[two]
         two &= ~echoes.dust[at]
         echoes.other_m[at[two]], echoes.other_bright[at[two]] = other_m[two], found.other_bright[two]

@@ -31,7 +31,7 @@ UP_M: F64 = 1e-3 * np.array(
     [11.2, -0.7, 9.7, -2.2, 8.1, -3.7, 6.6, -5.1, 5.1, -6.6, 3.7, -8.1, 2.2, -9.7, 0.7, -11.2]
 )
 REACH = Reach(blind_m=0.4, most_m=120.0, at_10_percent_m=50.0, at_80_percent_m=100.0)
-NOISE = Noise(range_sigma_m=0.015, angle_sigma_deg=0.08)
+NOISE = Noise(range_sigma_m=0.015, angle_sigma_deg=0.08, row_sigma_m=0.001)
 BEAM = Beam((0.0127, 0.0095), (0.003, 0.0015))
 SIDEWAYS = Mount(pitch_deg=90.0)
 """Axis forward, azimuth 0 down: the head sweeps the ground from side to side."""
@@ -72,6 +72,10 @@ class Vlp16(PulseLidar):
     @property
     def group(self) -> int:
         return CHANNELS if self._every == 1 else self.pulses_per_packet
+
+    @property
+    def rows(self) -> int:
+        return LASERS
 
     def fired_ns(self, index: I64) -> I64:
         return index // LASERS * SEQUENCE_NS + index % LASERS * LASER_NS

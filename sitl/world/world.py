@@ -95,7 +95,7 @@ class Crossings:
     plant: U8
     hit: I64
 
-    def of(self, rays: NDArray[np.bool_]) -> Crossings:
+    def of(self, rays: NDArray[np.bool_] | I64) -> Crossings:
         """Return the crossings of some of the rays."""
         return Crossings(*(getattr(self, f.name)[rays] for f in fields(self)))
 

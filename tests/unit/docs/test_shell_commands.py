@@ -82,6 +82,7 @@ LONG = (
     "tests.answers",
     "tests.mutation",
     "tests.search",
+    "tests.opinion",
 )
 UNREAD = {
     "tests.fuzz.with_atheris": "needs atheris, which only x86-64 has",
@@ -114,7 +115,7 @@ PLACEHOLDERS = {
 OF_OPTIONS = {"--mavlink": "udpin:127.0.0.1:14550", "--lidar": "livox:127.0.0.1:56301"}
 FILES = (
     "flight.mcap", "flight.pcap", "flight.tlog", "county/a.laz", "county/b.laz", "autzen_trim.laz",
-    "os1.json", "tokens", "mine.toml", "baseline.cpp", "gen.py",
+    "os1.json", "arducopter.json", "simulator.json", "tokens", "mine.toml", "baseline.cpp", "gen.py",
 )  # fmt: skip
 FOLDERS = "zones", "cloud", "DIR", "out", "BEFORE", "AFTER"
 

@@ -128,7 +128,7 @@ def test_a_wire_nearer_to_the_ground_than_two_returns_can_be_is_no_second_return
 def test_hits_name_ground_solid_mover_dust_and_ghost() -> None:
     world = with_solids(Box(1.0, 0.0, 0.0, 1.0, 1.0, 2.0, kind=Kind.ROCK))
     world.add_car("car", -3.0, 0.0, 0.0)
-    noise = Noise(range_sigma_m=0.0, angle_sigma_deg=0.0, dropout=0.1, ghost=0.05, dust=0.05)
+    noise = Noise(range_sigma_m=0.0, angle_sigma_deg=0.0, dropout=0.1, ghost=0.05, dust=0.05, divided=False)
     lidar = sensor(Vlp16, noise=noise)
     shots = lidar.shots(0, S // 5, hover(), world)
     hit, range_m = shots.hits.strongest, shots.echoes.range_m
