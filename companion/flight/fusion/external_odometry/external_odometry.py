@@ -1,0 +1,442 @@
+"""External odometry as source of the place: its poses, aligned to the map, correct the autopilot's."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from companion.flight.fusion.external_odometry.external_pose import Drop, ExternalPose
+from companion.flight.fusion.external_odometry.frame_alignment import Alignment, AlignmentSearch
+from companion.flight.fusion.external_odometry.odometry_topic import ChildFrame
+from companion.flight.fusion.external_odometry.shift_filter import RATE, SCALE, SHIFT, YAW, ShiftFilter
+from companion.flight.fusion.odometry.correction import Correction
+from companion.flight.fusion.odometry.drift_track import DriftTrack
+from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
+from companion.flight.fusion.pose_history import PoseHistory
+from slz import Scan
+
+log = logging.getLogger(__name__)
+
+Floats = NDArray[np.float64]
+
+STEP_NS = 19_000_000  # of the poses in use: 50 Hz at most
+GAP_NS = 2_000_000_000  # without poses, after which the place in the odometry's frame is taken anew
+LOST_NS = 1_000_000_000  # without poses, after which the autopilot's own estimate goes on
+FRESH_NS = 500_000_000
+BRIDGE_NS = 3_000_000_000  # as for the LiDAR odometry: an autopilot's dead reckoning is 0.15 m off by then
+LEAD_NS = 300_000_000  # a scan is placed by a correction at most so much older
+MOST_WAITING = 100
+# Of one step, beside a drift: as of the LiDAR odometry.
+MOST_STEP_M, MOST_STEP_RAD = 0.15, np.radians(3.0)
+# Rate at which it may part from the autopilot: without GPS this drifts ever faster. With GPS, an odometry that
+# slides (a LiDAR's over level ground) is likelier than a GPS that does.
+MOST_RATE_MS, MOST_RATE_WITH_GPS_MS = 2.0, 0.5
+# A barometer is not so wrong: the odometry knows no height, as that of wheels.
+MOST_RATE_UP_MS = 0.3
+MOST_SCALE = 0.05
+MOST_PARTINGS = 2  # after which it is not used again before its frame or publisher changes
+MOST_TILT_RAD = np.radians(4.0)
+TILT_S = 20.0  # in which the frame is levelled by the autopilot's attitude
+MOST_JUMPS, JUMPS_NS = 3, 10_000_000_000
+VELOCITY_MS = 0.05  # standard deviation of a velocity beside its drift
+WAY_SHARE = 0.005  # drift of an odometry that states no covariance, of its way
+REASON_NS = 1_000_000_000
+SILENT, PARTS = "silent", "parts from the autopilot"
+_NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+_NOT_ALIGNED = Alignment(np.eye(3), np.zeros(3), 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class _Used:
+    """Pose of the vehicle at a time, by the autopilot, and by the odometry in its own frame."""
+
+    at_ns: int
+    auto_m: Floats
+    auto: Floats
+    told_m: Floats
+    told: Floats
+    covariance: Floats
+
+
+class ExternalOdometry:
+    """Odometry of another program, which sets the history's correction.
+
+    It tells position and heading, as far as they go off the autopilot's since the alignment. Roll and pitch
+    stay the autopilot's, which are those of gravity. Without poses the last correction stays.
+
+    Parameters
+    ----------
+    history
+        The autopilot's poses, which the correction moves to the map.
+    child
+        Child frame of the odometry on the vehicle.
+    gps_lost
+        Tells whether the autopilot's receiver has lost its fix.
+
+    Attributes
+    ----------
+    name
+        What the pilot is told the place is from.
+    drops
+        Messages that were not used, by reason.
+    updates
+        Poses in use.
+    alignments, jumps, restarts
+        Alignments of the frame to the map; jumps of the odometry in position, and changes of its frame,
+        heading or publisher after which it was aligned anew.
+    autopilot_steps
+        Steps of the autopilot's estimate that the odometry did not make.
+    estimate
+        Newest pose on the map, None before the first.
+    """
+
+    name = "odometry"
+
+    def __init__(self, history: PoseHistory, child: ChildFrame, gps_lost: Callable[[], bool]) -> None:
+        self._history, self._child, self._gps_lost = history, child, gps_lost
+        self._waiting: deque[ExternalPose] = deque()
+        self._search, self._alignment = AlignmentSearch(), _NOT_ALIGNED
+        self._filter = ShiftFilter(0.0, np.zeros(3), 0.0)
+        self._anchor_m = np.zeros(3)
+        self._origin: tuple[str, str, str] | None = None
+        self._epoch = history.epoch
+        self._set = history.correction
+        self._last: _Used | None = None
+        self._arrived_ns: int | None = None
+        self._rejoins = False
+        self._not_before_ns = 0
+        self._resets = self._partings = 0
+        self._way_m = 0.0
+        self._drift = DriftTrack()
+        self._jumped_ns: deque[int] = deque()
+        self._reason, self._reason_ns = "", 0
+        self.drops: Counter[Drop] = Counter()
+        self.updates = self.alignments = self.jumps = self.restarts = self.autopilot_steps = 0
+        self.estimate: OdometryEstimate | None = None
+
+    # ---- what comes in --------------------------------------------------------------------------
+
+    def add_pose(self, pose: ExternalPose) -> None:
+        """Take a pose on the companion's clock; it waits until the autopilot's poses bracket it."""
+        self._arrived_ns = pose.stamp_ns
+        self._waiting.append(pose)
+        if len(self._waiting) > MOST_WAITING:
+            self._drop(Drop.WITHOUT_POSE, self._waiting.popleft().stamp_ns)
+        self._use_bracketed()
+
+    def on_drop(self, reason: Drop, at_ns: int) -> None:
+        """Note a message that is not used."""
+        self._drop(reason, at_ns)
+
+    def add(self, scan: Scan) -> None:
+        """Bring the correction up to a scan that is about to be placed."""
+        self._use_bracketed()
+        self._publish(int(scan.stamp_ns[-1]))
+
+    # ---- what is known --------------------------------------------------------------------------
+
+    def tells_place(self, now_ns: int) -> bool:
+        """Tell whether the odometry tells the place now."""
+        return self._used_within(FRESH_NS, now_ns)
+
+    def is_tracking(self, now_ns: int) -> bool:
+        """Tell whether the odometry told the place within three seconds."""
+        return self._used_within(BRIDGE_NS, now_ns)
+
+    def why_not(self, now_ns: int) -> str:
+        """Return why the odometry is not used now, in at most 26 characters; empty while it is."""
+        if self.tells_place(now_ns):
+            return ""
+        if self._partings >= MOST_PARTINGS:
+            return PARTS
+        if self._reason and now_ns - self._reason_ns < REASON_NS:
+            return self._reason
+        if self._arrived_ns is None or now_ns - self._arrived_ns >= LOST_NS:
+            return SILENT
+        return self._search.reason
+
+    @property
+    def gps_drift_m(self) -> float:
+        """Distance by which the autopilot's position went off the map within the last ten seconds, m."""
+        return self._drift.drift_m
+
+    def statistics(self) -> dict[str, int]:
+        """Return the counts."""
+        return {
+            "updates": self.updates,
+            "alignments": self.alignments,
+            "jumps": self.jumps,
+            "restarts": self.restarts,
+            "autopilot_steps": self.autopilot_steps,
+            **{reason.counter: self.drops[reason] for reason in Drop},
+        }
+
+    # ---- poses ----------------------------------------------------------------------------------
+
+    def _use_bracketed(self) -> None:
+        self._follow_history()
+        until_ns = self._history.bracketed_until_ns
+        while until_ns is not None and self._waiting and self._waiting[0].stamp_ns <= until_ns:
+            self._use(self._waiting.popleft())
+
+    def _use(self, pose: ExternalPose) -> None:
+        at_ns, last = pose.stamp_ns, self._last
+        if last is not None and pose.origin == self._origin and at_ns - last.at_ns < STEP_NS:
+            self.drops[Drop.THINNED] += 1
+            return
+        poses = self._history.interpolate(np.array([at_ns]))
+        # Before a jump that the history has absorbed, the autopilot's poses are of other coordinates.
+        early = at_ns <= self._not_before_ns
+        if early or not poses.valid[0] or self._history.correction_at(at_ns) is not self._history.correction:
+            self._drop(Drop.WITHOUT_POSE, at_ns)
+            return
+        told_m, told, covariance = self._child.vehicle(pose)
+        used = _Used(at_ns, poses.position_enu_m[0], poses.rotation_enu_from_frd[0], told_m, told, covariance)
+        if pose.origin != self._origin:
+            if self._origin is not None:
+                self._begin_anew("another frame", at_ns)
+            self._origin, self._partings = pose.origin, 0
+        elif last is not None and at_ns - last.at_ns > GAP_NS:
+            self._rejoin()
+        if self._partings >= MOST_PARTINGS:
+            return
+        if self._alignment is _NOT_ALIGNED:
+            self._seek(used)
+        else:
+            self._follow(used, pose.is_stated)
+        self._last = used
+
+    def _seek(self, used: _Used) -> None:
+        """Search the alignment to the map, on which the last correction holds."""
+        on_map = self._history.correction
+        found = self._search.add(
+            used.at_ns, on_map.points(used.auto_m), on_map.rotation @ used.auto, used.told_m, used.told
+        )
+        if found is None:
+            return
+        self._alignment = found
+        self.alignments += 1
+        self._filter = ShiftFilter(float(on_map.turn_rad[2]), on_map.shift_enu_m, found.sigma_rad)
+        self._anchor_m, self._way_m = self._told_m(used), 0.0
+        log.info(
+            "the odometry is aligned: its frame is turned %.1f deg about up, its heading %.1f deg off",
+            np.degrees(Rotation.from_matrix(found.rotation).as_rotvec()[2]),
+            np.degrees(found.heading_rad),
+        )
+
+    def _follow(self, used: _Used, is_stated: bool) -> None:
+        """Correct the autopilot's error by a pose, or say why it is not."""
+        last, filter_ = self._last, self._filter
+        if last is None:
+            return
+        seconds = (used.at_ns - last.at_ns) * 1e-9
+        turn = Rotation.from_matrix(self._alignment.rotation @ used.told @ used.auto.T).as_rotvec()
+        if np.linalg.norm(turn[:2]) > MOST_TILT_RAD:
+            self._begin_anew("attitude not the vehicle's", used.at_ns)
+            return
+        filter_.predict(seconds)
+        heading_rad = float(turn[2]) - self._alignment.heading_rad - float(filter_.state[YAW])
+        heading_rad = (heading_rad + np.pi) % (2 * np.pi) - np.pi
+        if abs(heading_rad) > MOST_STEP_RAD:
+            self._begin_anew("heading jumped", used.at_ns)
+            return
+        if self._rejoins:
+            self._rejoins = False
+            self._move(self._believed_m(used) - self._told_m(used))
+        elif not self._explain_step(used, last, seconds):
+            return
+        told_m = self._told_m(used)
+        measured = np.append(heading_rad + filter_.state[YAW], told_m - used.auto_m)
+        gps = not self._gps_lost()
+        self._turn_back(filter_.update(measured, told_m - self._anchor_m, learns=gps))
+        partings = self._parts(gps)
+        if partings:
+            self._partings += partings
+            self._begin_anew(PARTS, used.at_ns)
+            return
+        self._level(used, turn, seconds)
+        self.updates += 1
+        self._way_m += float(np.linalg.norm(used.told_m - last.told_m))
+        self._history.tracked_until_ns = used.at_ns + LOST_NS
+        self._drift.add(used.at_ns, filter_.state[SHIFT][:2], True)
+        self._publish(used.at_ns)
+        self._estimate(used, is_stated)
+
+    def _explain_step(self, used: _Used, last: _Used, seconds: float) -> bool:
+        """Follow a step of the autopilot, or move the frame after one of the odometry; False if it jumps on."""
+        auto_m = used.auto_m - last.auto_m
+        step_m = self._alignment.rotation @ (used.told_m - last.told_m) - auto_m
+        step_m = step_m - self._filter.state[RATE] * seconds
+        if np.linalg.norm(step_m) <= MOST_STEP_M + MOST_RATE_MS * seconds:
+            return True
+        auto_step_m = auto_m - self._way_by_velocity(last.at_ns, used.at_ns)
+        if np.linalg.norm(step_m + auto_step_m) < np.linalg.norm(step_m) / 2:
+            self.autopilot_steps += 1
+            self._filter.state[SHIFT] += step_m
+            return True
+        self.jumps += 1
+        log.warning("the odometry jumped by %.1f m", float(np.linalg.norm(step_m)))
+        self._jumped_ns.append(used.at_ns)
+        while used.at_ns - self._jumped_ns[0] > JUMPS_NS:
+            self._jumped_ns.popleft()
+        if len(self._jumped_ns) > MOST_JUMPS:
+            self._begin_anew("jumps again and again", used.at_ns)
+            return False
+        self._move(-step_m)
+        return True
+
+    def _parts(self, gps: bool) -> int:
+        """Return how often odometry and autopilot have parted now: faster than either errs, or by scale.
+
+        An odometry that parts in height knows none, and has parted once and for all.
+        """
+        state = self._filter.state
+        if abs(float(state[RATE][2])) > MOST_RATE_UP_MS:
+            return MOST_PARTINGS
+        limit_ms = MOST_RATE_WITH_GPS_MS if gps else MOST_RATE_MS
+        fast = float(np.linalg.norm(state[RATE][:2])) > limit_ms
+        return int(fast or (gps and abs(float(state[SCALE])) > MOST_SCALE))
+
+    def _rejoin(self) -> None:
+        """Take the place in the odometry's frame anew with the next pose: the one on the map stays."""
+        self._rejoins = True
+        self._resets += 1
+        self._filter.state[RATE] = 0.0
+        self._drift.clear()
+
+    # ---- alignment ------------------------------------------------------------------------------
+
+    def _told_m(self, used: _Used) -> Floats:
+        return np.asarray(self._alignment.rotation @ used.told_m + self._alignment.shift_m)
+
+    def _believed_m(self, used: _Used) -> Floats:
+        """Return where the odometry would tell the vehicle by the last correction."""
+        way_m = self._told_m(used) - self._anchor_m
+        state = self._filter.state
+        return np.asarray(used.auto_m + state[SHIFT] + state[SCALE] * way_m)
+
+    def _move(self, by_m: Floats) -> None:
+        self._alignment = replace(self._alignment, shift_m=self._alignment.shift_m + by_m)
+        self._anchor_m = self._anchor_m + by_m
+
+    def _turn_about(self, turn_rad: Floats, pivot_m: Floats, heading_rad: float) -> None:
+        """Turn the alignment by a rotation vector (3,) about a place of the map."""
+        a, turn = self._alignment, Rotation.from_rotvec(turn_rad).as_matrix()
+        shift_m = pivot_m + turn @ (a.shift_m - pivot_m)
+        self._alignment = replace(a, rotation=turn @ a.rotation, shift_m=shift_m, heading_rad=heading_rad)
+
+    def _turn_back(self, turn_rad: float) -> None:
+        """Remove an error of the alignment about up; the heading of the vehicle stays."""
+        heading_rad = self._alignment.heading_rad - turn_rad
+        self._turn_about(np.array([0.0, 0.0, -turn_rad]), self._anchor_m, heading_rad)
+
+    def _level(self, used: _Used, turn_rad: Floats, seconds: float) -> None:
+        """Turn the frame slowly to where the autopilot's roll and pitch are, about the vehicle."""
+        share = min(1.0, seconds / TILT_S)
+        tilt = np.array([-share * turn_rad[0], -share * turn_rad[1], 0.0])
+        self._turn_about(tilt, self._told_m(used), self._alignment.heading_rad)
+
+    def _begin_anew(self, reason: str, at_ns: int) -> None:
+        """Align anew; the correction stays."""
+        if self._alignment is not _NOT_ALIGNED:
+            self.restarts += 1
+            self._resets += 1
+            log.warning("the odometry is aligned anew: %s", reason)
+        self._search, self._alignment = AlignmentSearch(), _NOT_ALIGNED
+        self._filter.state[RATE] = 0.0
+        self._rejoins = False
+        self._jumped_ns.clear()
+        self._drift.clear()
+        self._history.tracked_until_ns = None
+        self.estimate = None
+        self._reason, self._reason_ns = reason, at_ns
+        self._publish(at_ns)
+
+    # ---- correction and estimate ----------------------------------------------------------------
+
+    def _follow_history(self) -> None:
+        """Follow what the history did to the correction: a new map, or a jump that it absorbed."""
+        history, filter_ = self._history, self._filter
+        if history.epoch != self._epoch:
+            self._epoch = history.epoch
+            self._not_before_ns = history.bracketed_until_ns or 0
+            if self._alignment is _NOT_ALIGNED:
+                self._search = AlignmentSearch()
+            else:
+                heading_rad = self._alignment.heading_rad + float(filter_.state[YAW])
+                self._alignment = replace(self._alignment, heading_rad=heading_rad)
+                self._rejoin()
+            filter_.state[:] = 0.0
+        elif history.correction is not self._set and self._last is not None:
+            moved_m = history.correction.shift_enu_m - self._set.shift_enu_m
+            filter_.state[SHIFT] += moved_m
+            auto_m = self._last.auto_m - history.correction.rotation.T @ moved_m
+            self._last = replace(self._last, auto_m=auto_m)
+        self._set = history.correction
+
+    def _publish(self, at_ns: int) -> None:
+        """Set the correction for a time: the last one, moved on by its rate while that is known."""
+        if self._last is None:
+            return
+        state, since_ns = self._filter.state, at_ns - self._last.at_ns
+        known = self._alignment is not _NOT_ALIGNED and since_ns < LOST_NS
+        lead_s = min(max(since_ns, -LEAD_NS), LEAD_NS) * 1e-9 if self._alignment is not _NOT_ALIGNED else 0.0
+        if not known:
+            self._drift.clear()
+        poses = self._history.interpolate(np.array([at_ns]))
+        pivot_m = poses.position_enu_m[0] if poses.valid[0] else self._history.correction.pivot_enu_m
+        self._set = self._history.correction = Correction(
+            np.array([0.0, 0.0, state[YAW]]),
+            pivot_m,
+            state[SHIFT] + state[RATE] * lead_s,
+            state[RATE] if known else np.zeros(3),
+        )
+
+    def _estimate(self, used: _Used, is_stated: bool) -> None:
+        """Form the estimate at the time of a pose."""
+        correction, filter_ = self._history.correction, self._filter
+        latest = self._history.latest(used.at_ns)
+        if latest is None:
+            return
+        body = correction.rotation @ used.auto
+        quaternion = Rotation.from_matrix(_NED_FROM_ENU @ body).as_quat()
+        turn = np.zeros((6, 6))
+        turn[:3, :3] = turn[3:, 3:] = self._alignment.rotation
+        covariance = turn @ used.covariance @ turn.T
+        covariance[:3, :3] += filter_.covariance[SHIFT, SHIFT]
+        covariance[5, 5] += filter_.covariance[YAW, YAW]
+        if not is_stated:
+            covariance[:3, :3] += np.eye(3) * (WAY_SHARE * self._way_m) ** 2
+        self.estimate = OdometryEstimate(
+            stamp_ns=used.at_ns,
+            position_enu_m=used.auto_m + filter_.state[SHIFT],
+            velocity_enu_ms=latest.velocity_enu_ms,
+            quat_wxyz=quaternion[[3, 0, 1, 2]],
+            pose_covariance=covariance,
+            velocity_covariance=filter_.covariance[RATE, RATE] + np.eye(3) * VELOCITY_MS**2,
+            observed=np.ones(6, np.bool_),
+            resets=self._resets,
+        )
+
+    # ---- parts ----------------------------------------------------------------------------------
+
+    def _used_within(self, limit_ns: int, now_ns: int) -> bool:
+        return self.estimate is not None and now_ns - self.estimate.stamp_ns < limit_ns
+
+    def _drop(self, reason: Drop, at_ns: int) -> None:
+        self.drops[reason] += 1
+        if reason is not Drop.FOREIGN:
+            self._reason, self._reason_ns = reason.words, at_ns
+
+    def _way_by_velocity(self, from_ns: int, to_ns: int) -> Floats:
+        """Return the way (3,) of the autopilot by its velocities, m."""
+        _, _, stamp_ns, samples, _ = self._history.samples()
+        at = [from_ns, to_ns]
+        mean = np.array([np.interp(at, stamp_ns, samples[:, k]).mean() for k in (3, 4, 5)])
+        return np.asarray(mean * ((to_ns - from_ns) * 1e-9))
