@@ -34,8 +34,8 @@ LEAD_NS = 300_000_000  # a scan is placed by a correction at most so much older
 MOST_WAITING = 100
 # Of one step, beside a drift: as of the LiDAR odometry.
 MOST_STEP_M, MOST_STEP_RAD = 0.15, np.radians(3.0)
-# Rate at which it may part from the autopilot: without GPS this drifts ever faster. With GPS, an odometry that
-# slides (a LiDAR's over level ground) is likelier than a GPS that does.
+# Rate at which it may part from the autopilot: without GPS this drifts ever faster. With GPS, an odometry
+# that slides (a LiDAR's over level ground) is likelier than a GPS that does.
 MOST_RATE_MS, MOST_RATE_WITH_GPS_MS = 2.0, 0.5
 # A barometer is not so wrong: the odometry knows no height, as that of wheels.
 MOST_RATE_UP_MS = 0.3
@@ -269,7 +269,7 @@ class ExternalOdometry:
         self._estimate(used, is_stated)
 
     def _explain_step(self, used: _Used, last: _Used, seconds: float) -> bool:
-        """Follow a step of the autopilot, or move the frame after one of the odometry; False if it jumps on."""
+        """Follow a step of the autopilot or of the odometry; return False if that jumps too often."""
         auto_m = used.auto_m - last.auto_m
         step_m = self._alignment.rotation @ (used.told_m - last.told_m) - auto_m
         step_m = step_m - self._filter.state[RATE] * seconds

@@ -78,7 +78,8 @@ class AlignmentSearch:
         turns = Rotation.from_matrix(np.array([pair[3] for pair in self._pairs]))
         mean = turns.mean()
         if float((mean.inv() * turns).magnitude().max()) > MOST_ANGLE_RAD:
-            return self._refuse("attitude not the vehicle's")
+            self._refuse("attitude not the vehicle's")
+            return None
         extent_m = float(np.linalg.norm(np.ptp(on_map[:, :2], axis=0)))
         if extent_m < LEAST_WAY_M:
             return None
@@ -90,9 +91,11 @@ class AlignmentSearch:
         about_up = Rotation.from_rotvec([0.0, 0.0, share * turn])
         off_m = float(np.linalg.norm(way - about_up.apply(told_way), axis=1).max())
         if abs(turn) > MOST_TURN_RAD:
-            return self._refuse("way turned from attitude")
+            self._refuse("way turned from attitude")
+            return None
         if off_m > MOST_OFF_M + MOST_OFF * extent_m:
-            return self._refuse("way not the vehicle's")
+            self._refuse("way not the vehicle's")
+            return None
         rotation = np.asarray((about_up * mean).as_matrix())
         sigma_rad = float(1 / np.hypot(1 / HEADING_RAD, 1 / track_rad))
         return Alignment(rotation, on_map[-1] - rotation @ in_frame[-1], share * turn, sigma_rad)
@@ -102,4 +105,3 @@ class AlignmentSearch:
         self.reason = reason
         for _ in range(len(self._pairs) - len(self._pairs) // 2):
             self._pairs.popleft()
-

@@ -82,7 +82,7 @@ def _covariance(stated: Floats) -> Floats | Drop:
     if float(np.linalg.eigvalsh(stated)[0]) < -1e-6 * scale:
         return Drop.BAD_COVARIANCE
     defaults = np.array([DEFAULT_M**2] * 3 + [DEFAULT_RAD**2] * 3)
-    covariance = stated + np.diag(np.where(np.diagonal(stated) == 0, defaults, 0.0))
+    covariance: Floats = stated + np.diag(np.where(np.diagonal(stated) == 0, defaults, 0.0))
     away, turn = (float(np.linalg.eigvalsh(block)[-1]) for block in (covariance[:3, :3], covariance[3:, 3:]))
     if away > MOST_SIGMA_M**2 or turn > MOST_SIGMA_RAD**2:
         return Drop.UNSURE

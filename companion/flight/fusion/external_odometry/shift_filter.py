@@ -19,7 +19,7 @@ NOISE_RAD, NOISE_M = np.radians(0.5), 0.05
 
 
 class ShiftFilter:
-    """Gaussian filter of heading and position error, the rate of the latter, and the errors of alignment and scale.
+    """Gaussian filter of the autopilot's errors, and of those of alignment and scale.
 
     The alignment's rotation about up is known to degrees at first, by which a long way would lead off: an
     error in proportion to the way from there is that of alignment or scale, any other one the autopilot's.
