@@ -5,16 +5,18 @@ from __future__ import annotations
 import logging
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
+from companion.flight.fusion.external_odometry.aligned_frame import AlignedFrame
 from companion.flight.fusion.external_odometry.external_pose import Drop, ExternalPose
-from companion.flight.fusion.external_odometry.frame_alignment import Alignment, AlignmentSearch
+from companion.flight.fusion.external_odometry.frame_alignment import AlignmentSearch
 from companion.flight.fusion.external_odometry.odometry_topic import ChildFrame
+from companion.flight.fusion.external_odometry.pose_pair import PosePair
 from companion.flight.fusion.external_odometry.shift_filter import RATE, SCALE, SHIFT, YAW, ShiftFilter
+from companion.flight.fusion.external_odometry.told_estimate import told_estimate
 from companion.flight.fusion.odometry.correction import Correction
 from companion.flight.fusion.odometry.drift_track import DriftTrack
 from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
@@ -44,24 +46,8 @@ MOST_PARTINGS = 2  # after which it is not used again before its frame or publis
 MOST_TILT_RAD = np.radians(4.0)
 TILT_S = 20.0  # in which the frame is levelled by the autopilot's attitude
 MOST_JUMPS, JUMPS_NS = 3, 10_000_000_000
-VELOCITY_MS = 0.05  # standard deviation of a velocity beside its drift
-WAY_SHARE = 0.005  # drift of an odometry that states no covariance, of its way
 REASON_NS = 1_000_000_000
 SILENT, PARTS = "silent", "parts from the autopilot"
-_NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-_NOT_ALIGNED = Alignment(np.eye(3), np.zeros(3), 0.0, 0.0)
-
-
-@dataclass(frozen=True, slots=True)
-class _Used:
-    """Pose of the vehicle at a time, by the autopilot, and by the odometry in its own frame."""
-
-    at_ns: int
-    auto_m: Floats
-    auto: Floats
-    told_m: Floats
-    told: Floats
-    covariance: Floats
 
 
 class ExternalOdometry:
@@ -101,13 +87,13 @@ class ExternalOdometry:
     def __init__(self, history: PoseHistory, child: ChildFrame, gps_lost: Callable[[], bool]) -> None:
         self._history, self._child, self._gps_lost = history, child, gps_lost
         self._waiting: deque[ExternalPose] = deque()
-        self._search, self._alignment = AlignmentSearch(), _NOT_ALIGNED
+        self._search = AlignmentSearch()
+        self._frame: AlignedFrame | None = None
         self._filter = ShiftFilter(0.0, np.zeros(3), 0.0)
-        self._anchor_m = np.zeros(3)
         self._origin: tuple[str, str, str] | None = None
         self._epoch = history.epoch
         self._set = history.correction
-        self._last: _Used | None = None
+        self._last: PosePair | None = None
         self._arrived_ns: int | None = None
         self._rejoins = False
         self._not_before_ns = 0
@@ -137,7 +123,8 @@ class ExternalOdometry:
     def add(self, scan: Scan) -> None:
         """Bring the correction up to a scan that is about to be placed."""
         self._use_bracketed()
-        self._publish(int(scan.stamp_ns[-1]))
+        if self._last is not None:
+            self._correct(int(scan.stamp_ns[-1]), self._last)
 
     # ---- what is known --------------------------------------------------------------------------
 
@@ -196,8 +183,8 @@ class ExternalOdometry:
         if early or not poses.valid[0] or self._history.correction_at(at_ns) is not self._history.correction:
             self._drop(Drop.WITHOUT_POSE, at_ns)
             return
-        told_m, told, covariance = self._child.vehicle(pose)
-        used = _Used(at_ns, poses.position_enu_m[0], poses.rotation_enu_from_frd[0], told_m, told, covariance)
+        place_m, rotation = poses.position_enu_m[0], poses.rotation_enu_from_frd[0]
+        pair = PosePair(at_ns, place_m, rotation, *self._child.vehicle(pose), pose.is_stated)
         if pose.origin != self._origin:
             if self._origin is not None:
                 self._begin_anew("another frame", at_ns)
@@ -206,89 +193,82 @@ class ExternalOdometry:
             self._rejoin()
         if self._partings >= MOST_PARTINGS:
             return
-        if self._alignment is _NOT_ALIGNED:
-            self._seek(used)
+        if self._frame is None or last is None:
+            self._seek(pair)
         else:
-            self._follow(used, pose.is_stated)
-        self._last = used
+            self._follow(pair, last, self._frame)
+        self._last = pair
 
-    def _seek(self, used: _Used) -> None:
+    def _seek(self, pair: PosePair) -> None:
         """Search the alignment to the map, on which the last correction holds."""
         on_map = self._history.correction
-        found = self._search.add(
-            used.at_ns, on_map.points(used.auto_m), on_map.rotation @ used.auto, used.told_m, used.told
-        )
+        found = self._search.add(pair, on_map)
         if found is None:
             return
-        self._alignment = found
+        self._frame = AlignedFrame(found, pair)
         self.alignments += 1
         self._filter = ShiftFilter(float(on_map.turn_rad[2]), on_map.shift_enu_m, found.sigma_rad)
-        self._anchor_m, self._way_m = self._told_m(used), 0.0
-        log.info(
-            "the odometry is aligned: its frame is turned %.1f deg about up, its heading %.1f deg off",
-            np.degrees(Rotation.from_matrix(found.rotation).as_rotvec()[2]),
-            np.degrees(found.heading_rad),
-        )
+        self._way_m = 0.0
+        log.info("the odometry is aligned: its heading is %.1f deg off", np.degrees(found.heading_rad))
 
-    def _follow(self, used: _Used, is_stated: bool) -> None:
+    def _follow(self, pair: PosePair, last: PosePair, frame: AlignedFrame) -> None:
         """Correct the autopilot's error by a pose, or say why it is not."""
-        last, filter_ = self._last, self._filter
-        if last is None:
-            return
-        seconds = (used.at_ns - last.at_ns) * 1e-9
-        turn = Rotation.from_matrix(self._alignment.rotation @ used.told @ used.auto.T).as_rotvec()
-        if np.linalg.norm(turn[:2]) > MOST_TILT_RAD:
-            self._begin_anew("attitude not the vehicle's", used.at_ns)
-            return
+        filter_, seconds = self._filter, (pair.at_ns - last.at_ns) * 1e-9
         filter_.predict(seconds)
-        heading_rad = float(turn[2]) - self._alignment.heading_rad - float(filter_.state[YAW])
+        turn = frame.turn_rad(pair)
+        heading_rad = float(turn[2]) - frame.heading_rad - float(filter_.state[YAW])
         heading_rad = (heading_rad + np.pi) % (2 * np.pi) - np.pi
-        if abs(heading_rad) > MOST_STEP_RAD:
-            self._begin_anew("heading jumped", used.at_ns)
-            return
-        if self._rejoins:
-            self._rejoins = False
-            self._move(self._believed_m(used) - self._told_m(used))
-        elif not self._explain_step(used, last, seconds):
-            return
-        told_m = self._told_m(used)
-        measured = np.append(heading_rad + filter_.state[YAW], told_m - used.auto_m)
-        gps = not self._gps_lost()
-        self._turn_back(filter_.update(measured, told_m - self._anchor_m, learns=gps))
+        if np.linalg.norm(turn[:2]) > MOST_TILT_RAD:
+            self._begin_anew("attitude not the vehicle's", pair.at_ns)
+        elif abs(heading_rad) > MOST_STEP_RAD:
+            self._begin_anew("heading jumped", pair.at_ns)
+        elif self._explain_step(pair, last, frame):
+            self._update(pair, frame, heading_rad)
+            self._way_m += float(np.linalg.norm(pair.told_m - last.told_m))
+            frame.level(pair, min(1.0, seconds / TILT_S))
+
+    def _update(self, pair: PosePair, frame: AlignedFrame, heading_rad: float) -> None:
+        """Take a pose whose heading errs by so much more than the state says."""
+        filter_, gps = self._filter, not self._gps_lost()
+        measured = np.append(heading_rad + filter_.state[YAW], frame.place_m(pair) - pair.auto_m)
+        frame.turn_back(filter_.update(measured, frame.way_m(pair), learns=gps))
         partings = self._parts(gps)
         if partings:
             self._partings += partings
-            self._begin_anew(PARTS, used.at_ns)
+            self._begin_anew(PARTS, pair.at_ns)
             return
-        self._level(used, turn, seconds)
         self.updates += 1
-        self._way_m += float(np.linalg.norm(used.told_m - last.told_m))
-        self._history.tracked_until_ns = used.at_ns + LOST_NS
-        self._drift.add(used.at_ns, filter_.state[SHIFT][:2], True)
-        self._publish(used.at_ns)
-        self._estimate(used, is_stated)
+        self._history.tracked_until_ns = pair.at_ns + LOST_NS
+        self._drift.add(pair.at_ns, filter_.state[SHIFT][:2], True)
+        self._correct(pair.at_ns, pair)
+        self._estimate(pair, frame)
 
-    def _explain_step(self, used: _Used, last: _Used, seconds: float) -> bool:
+    def _explain_step(self, pair: PosePair, last: PosePair, frame: AlignedFrame) -> bool:
         """Follow a step of the autopilot or of the odometry; return False if that jumps too often."""
-        auto_m = used.auto_m - last.auto_m
-        step_m = self._alignment.rotation @ (used.told_m - last.told_m) - auto_m
-        step_m = step_m - self._filter.state[RATE] * seconds
+        filter_, seconds = self._filter, (pair.at_ns - last.at_ns) * 1e-9
+        if self._rejoins:
+            self._rejoins = False
+            believed_m = pair.auto_m + filter_.state[SHIFT] + filter_.state[SCALE] * frame.way_m(pair)
+            frame.move(believed_m - frame.place_m(pair))
+            return True
+        auto_m = pair.auto_m - last.auto_m
+        step_m = frame.place_m(pair) - frame.place_m(last) - auto_m - filter_.state[RATE] * seconds
         if np.linalg.norm(step_m) <= MOST_STEP_M + MOST_RATE_MS * seconds:
             return True
-        auto_step_m = auto_m - self._way_by_velocity(last.at_ns, used.at_ns)
+        auto_step_m = auto_m - self._history.way_by_velocity_m(last.at_ns, pair.at_ns)
         if np.linalg.norm(step_m + auto_step_m) < np.linalg.norm(step_m) / 2:
             self.autopilot_steps += 1
-            self._filter.state[SHIFT] += step_m
+            filter_.state[SHIFT] += step_m
             return True
         self.jumps += 1
         log.warning("the odometry jumped by %.1f m", float(np.linalg.norm(step_m)))
-        self._jumped_ns.append(used.at_ns)
-        while used.at_ns - self._jumped_ns[0] > JUMPS_NS:
+        self._jumped_ns.append(pair.at_ns)
+        while pair.at_ns - self._jumped_ns[0] > JUMPS_NS:
             self._jumped_ns.popleft()
         if len(self._jumped_ns) > MOST_JUMPS:
-            self._begin_anew("jumps again and again", used.at_ns)
+            self._begin_anew("jumps again and again", pair.at_ns)
             return False
-        self._move(-step_m)
+        frame.move(-step_m)
         return True
 
     def _parts(self, gps: bool) -> int:
@@ -310,45 +290,13 @@ class ExternalOdometry:
         self._filter.state[RATE] = 0.0
         self._drift.clear()
 
-    # ---- alignment ------------------------------------------------------------------------------
-
-    def _told_m(self, used: _Used) -> Floats:
-        return np.asarray(self._alignment.rotation @ used.told_m + self._alignment.shift_m)
-
-    def _believed_m(self, used: _Used) -> Floats:
-        """Return where the odometry would tell the vehicle by the last correction."""
-        way_m = self._told_m(used) - self._anchor_m
-        state = self._filter.state
-        return np.asarray(used.auto_m + state[SHIFT] + state[SCALE] * way_m)
-
-    def _move(self, by_m: Floats) -> None:
-        self._alignment = replace(self._alignment, shift_m=self._alignment.shift_m + by_m)
-        self._anchor_m = self._anchor_m + by_m
-
-    def _turn_about(self, turn_rad: Floats, pivot_m: Floats, heading_rad: float) -> None:
-        """Turn the alignment by a rotation vector (3,) about a place of the map."""
-        a, turn = self._alignment, Rotation.from_rotvec(turn_rad).as_matrix()
-        shift_m = pivot_m + turn @ (a.shift_m - pivot_m)
-        self._alignment = replace(a, rotation=turn @ a.rotation, shift_m=shift_m, heading_rad=heading_rad)
-
-    def _turn_back(self, turn_rad: float) -> None:
-        """Remove an error of the alignment about up; the heading of the vehicle stays."""
-        heading_rad = self._alignment.heading_rad - turn_rad
-        self._turn_about(np.array([0.0, 0.0, -turn_rad]), self._anchor_m, heading_rad)
-
-    def _level(self, used: _Used, turn_rad: Floats, seconds: float) -> None:
-        """Turn the frame slowly to where the autopilot's roll and pitch are, about the vehicle."""
-        share = min(1.0, seconds / TILT_S)
-        tilt = np.array([-share * turn_rad[0], -share * turn_rad[1], 0.0])
-        self._turn_about(tilt, self._told_m(used), self._alignment.heading_rad)
-
     def _begin_anew(self, reason: str, at_ns: int) -> None:
         """Align anew; the correction stays."""
-        if self._alignment is not _NOT_ALIGNED:
+        if self._frame is not None:
             self.restarts += 1
             self._resets += 1
             log.warning("the odometry is aligned anew: %s", reason)
-        self._search, self._alignment = AlignmentSearch(), _NOT_ALIGNED
+        self._search, self._frame = AlignmentSearch(), None
         self._filter.state[RATE] = 0.0
         self._rejoins = False
         self._jumped_ns.clear()
@@ -356,7 +304,8 @@ class ExternalOdometry:
         self._history.tracked_until_ns = None
         self.estimate = None
         self._reason, self._reason_ns = reason, at_ns
-        self._publish(at_ns)
+        if self._last is not None:
+            self._correct(at_ns, self._last)
 
     # ---- correction and estimate ----------------------------------------------------------------
 
@@ -366,11 +315,9 @@ class ExternalOdometry:
         if history.epoch != self._epoch:
             self._epoch = history.epoch
             self._not_before_ns = history.bracketed_until_ns or 0
-            if self._alignment is _NOT_ALIGNED:
-                self._search = AlignmentSearch()
-            else:
-                heading_rad = self._alignment.heading_rad + float(filter_.state[YAW])
-                self._alignment = replace(self._alignment, heading_rad=heading_rad)
+            self._search = AlignmentSearch()
+            if self._frame is not None:
+                self._frame.heading_rad += float(filter_.state[YAW])
                 self._rejoin()
             filter_.state[:] = 0.0
         elif history.correction is not self._set and self._last is not None:
@@ -380,13 +327,11 @@ class ExternalOdometry:
             self._last = replace(self._last, auto_m=auto_m)
         self._set = history.correction
 
-    def _publish(self, at_ns: int) -> None:
-        """Set the correction for a time: the last one, moved on by its rate while that is known."""
-        if self._last is None:
-            return
-        state, since_ns = self._filter.state, at_ns - self._last.at_ns
-        known = self._alignment is not _NOT_ALIGNED and since_ns < LOST_NS
-        lead_s = min(max(since_ns, -LEAD_NS), LEAD_NS) * 1e-9 if self._alignment is not _NOT_ALIGNED else 0.0
+    def _correct(self, at_ns: int, last: PosePair) -> None:
+        """Set the correction for a time: that of the last pose, moved on by its rate while that is known."""
+        state, since_ns = self._filter.state, at_ns - last.at_ns
+        known = self._frame is not None and since_ns < LOST_NS
+        lead_s = 0.0 if self._frame is None else min(max(since_ns, -LEAD_NS), LEAD_NS) * 1e-9
         if not known:
             self._drift.clear()
         poses = self._history.interpolate(np.array([at_ns]))
@@ -398,31 +343,12 @@ class ExternalOdometry:
             state[RATE] if known else np.zeros(3),
         )
 
-    def _estimate(self, used: _Used, is_stated: bool) -> None:
-        """Form the estimate at the time of a pose."""
-        correction, filter_ = self._history.correction, self._filter
-        latest = self._history.latest(used.at_ns)
-        if latest is None:
-            return
-        body = correction.rotation @ used.auto
-        quaternion = Rotation.from_matrix(_NED_FROM_ENU @ body).as_quat()
-        turn = np.zeros((6, 6))
-        turn[:3, :3] = turn[3:, 3:] = self._alignment.rotation
-        covariance = turn @ used.covariance @ turn.T
-        covariance[:3, :3] += filter_.covariance[SHIFT, SHIFT]
-        covariance[5, 5] += filter_.covariance[YAW, YAW]
-        if not is_stated:
-            covariance[:3, :3] += np.eye(3) * (WAY_SHARE * self._way_m) ** 2
-        self.estimate = OdometryEstimate(
-            stamp_ns=used.at_ns,
-            position_enu_m=used.auto_m + filter_.state[SHIFT],
-            velocity_enu_ms=latest.velocity_enu_ms,
-            quat_wxyz=quaternion[[3, 0, 1, 2]],
-            pose_covariance=covariance,
-            velocity_covariance=filter_.covariance[RATE, RATE] + np.eye(3) * VELOCITY_MS**2,
-            observed=np.ones(6, np.bool_),
-            resets=self._resets,
-        )
+    def _estimate(self, pair: PosePair, frame: AlignedFrame) -> None:
+        latest = self._history.latest(pair.at_ns)
+        if latest is not None:
+            self.estimate = told_estimate(
+                pair, self._filter, frame.rotation, latest.velocity_enu_ms, self._way_m, self._resets
+            )
 
     # ---- parts ----------------------------------------------------------------------------------
 
@@ -433,10 +359,3 @@ class ExternalOdometry:
         self.drops[reason] += 1
         if reason is not Drop.FOREIGN:
             self._reason, self._reason_ns = reason.words, at_ns
-
-    def _way_by_velocity(self, from_ns: int, to_ns: int) -> Floats:
-        """Return the way (3,) of the autopilot by its velocities, m."""
-        _, _, stamp_ns, samples, _ = self._history.samples()
-        at = [from_ns, to_ns]
-        mean = np.array([np.interp(at, stamp_ns, samples[:, k]).mean() for k in (3, 4, 5)])
-        return np.asarray(mean * ((to_ns - from_ns) * 1e-9))

@@ -9,6 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from companion.flight.fusion.external_odometry.pose_pair import PosePair
+from companion.flight.fusion.odometry.correction import Correction
+
 Floats = NDArray[np.float64]
 
 WINDOW_NS = 15_000_000_000
@@ -53,24 +56,15 @@ class AlignmentSearch:
         self._pairs: deque[tuple[int, Floats, Floats, Floats]] = deque()
         self.reason = NEEDS_WAY
 
-    def add(
-        self, at_ns: int, vehicle_m: Floats, rotation: Floats, told_m: Floats, told: Floats
-    ) -> Alignment | None:
-        """Return the alignment once both poses have shown it.
-
-        Parameters
-        ----------
-        vehicle_m, rotation
-            Pose on the map, (3,) and (3, 3).
-        told_m, told
-            Pose of the same body in the frame of the odometry.
-        """
-        pairs = self._pairs
+    def add(self, pair: PosePair, on_map: Correction) -> Alignment | None:
+        """Return the alignment once the pairs have shown it; on_map: of the autopilot's pose."""
+        pairs, at_ns = self._pairs, pair.at_ns
         while pairs and at_ns - pairs[0][0] > WINDOW_NS:
             pairs.popleft()
         if pairs and at_ns - pairs[-1][0] < SPACING_NS:
             return None
-        pairs.append((at_ns, vehicle_m, told_m, rotation @ told.T))
+        turn = on_map.rotation @ pair.auto @ pair.told.T
+        pairs.append((at_ns, on_map.points(pair.auto_m), pair.told_m, turn))
         return self._align()
 
     def _align(self) -> Alignment | None:

@@ -15,7 +15,7 @@ from companion.runtime.event import Event
 log = logging.getLogger(__name__)
 
 SILENT_NS = 2_000_000_000
-STUCK = 3  # messages in a row of one pose to the last bit: the program stands still, not the vehicle
+STUCK = 1  # repeated to the last bit: the program stands still, not the vehicle
 Batch = list[tuple[int, bytes]]
 
 
