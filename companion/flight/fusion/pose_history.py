@@ -233,11 +233,10 @@ class PoseHistory:
         )
         return poses
 
-    def way_by_velocity_m(self, from_ns: int, to_ns: int) -> Floats:
-        """Return the way (3,) between two times by the autopilot's velocities alone: no step is in it."""
-        velocities = self._positions.values[:, 3:6].T
-        ends = [np.interp([from_ns, to_ns], self._positions.stamp_ns, axis).mean() for axis in velocities]
-        return np.array(ends) * ((to_ns - from_ns) * 1e-9)
+    def velocity_enu_ms(self, stamp_ns: int) -> Floats:
+        """Return the autopilot's velocity (3,) at a time between its samples, that of an end beyond them."""
+        at, axes = self._positions.stamp_ns, self._positions.values[:, 3:6].T
+        return np.array([np.interp(stamp_ns, at, axis) for axis in axes])
 
     def latest(self, now_ns: int) -> Pose | None:
         """Return the newest pose on the map, extrapolated to now by at most 0.1 s; None if it is stale.

@@ -15,7 +15,7 @@ from companion.flight.fusion.external_odometry.external_pose import Drop, Extern
 from companion.flight.fusion.external_odometry.frame_alignment import AlignmentSearch
 from companion.flight.fusion.external_odometry.odometry_topic import ChildFrame
 from companion.flight.fusion.external_odometry.pose_pair import PosePair
-from companion.flight.fusion.external_odometry.shift_filter import RATE, SCALE, SHIFT, YAW, ShiftFilter
+from companion.flight.fusion.external_odometry.shift_filter import RATE, SHIFT, YAW, ShiftFilter
 from companion.flight.fusion.external_odometry.told_estimate import told_estimate
 from companion.flight.fusion.odometry.correction import Correction
 from companion.flight.fusion.odometry.drift_track import DriftTrack
@@ -41,7 +41,6 @@ MOST_STEP_M, MOST_STEP_RAD = 0.15, np.radians(3.0)
 MOST_RATE_MS, MOST_RATE_WITH_GPS_MS = 2.0, 0.5
 # A barometer is not so wrong: the odometry knows no height, as that of wheels.
 MOST_RATE_UP_MS = 0.3
-MOST_SCALE = 0.05
 MOST_PARTINGS = 2  # after which it is not used again before its frame or publisher changes
 MOST_TILT_RAD = np.radians(4.0)
 TILT_S = 20.0  # in which the frame is levelled by the autopilot's attitude
@@ -248,14 +247,14 @@ class ExternalOdometry:
         filter_, seconds = self._filter, (pair.at_ns - last.at_ns) * 1e-9
         if self._rejoins:
             self._rejoins = False
-            believed_m = pair.auto_m + filter_.state[SHIFT] + filter_.state[SCALE] * frame.way_m(pair)
-            frame.move(believed_m - frame.place_m(pair))
+            frame.move(pair.auto_m + filter_.state[SHIFT] - frame.place_m(pair))
             return True
         auto_m = pair.auto_m - last.auto_m
         step_m = frame.place_m(pair) - frame.place_m(last) - auto_m - filter_.state[RATE] * seconds
         if np.linalg.norm(step_m) <= MOST_STEP_M + MOST_RATE_MS * seconds:
             return True
-        auto_step_m = auto_m - self._history.way_by_velocity_m(last.at_ns, pair.at_ns)
+        velocities_ms = [self._history.velocity_enu_ms(at_ns) for at_ns in (last.at_ns, pair.at_ns)]
+        auto_step_m = auto_m - np.mean(velocities_ms, axis=0) * seconds
         if np.linalg.norm(step_m + auto_step_m) < np.linalg.norm(step_m) / 2:
             self.autopilot_steps += 1
             filter_.state[SHIFT] += step_m
@@ -272,16 +271,15 @@ class ExternalOdometry:
         return True
 
     def _parts(self, gps: bool) -> int:
-        """Return how often odometry and autopilot have parted now: faster than either errs, or by scale.
+        """Return how often odometry and autopilot have parted now: faster than either errs.
 
         An odometry that parts in height knows none, and has parted once and for all.
         """
-        state = self._filter.state
-        if abs(float(state[RATE][2])) > MOST_RATE_UP_MS:
+        rate_ms = self._filter.state[RATE]
+        if abs(float(rate_ms[2])) > MOST_RATE_UP_MS:
             return MOST_PARTINGS
         limit_ms = MOST_RATE_WITH_GPS_MS if gps else MOST_RATE_MS
-        fast = float(np.linalg.norm(state[RATE][:2])) > limit_ms
-        return int(fast or (gps and abs(float(state[SCALE])) > MOST_SCALE))
+        return int(np.linalg.norm(rate_ms[:2]) > limit_ms)
 
     def _rejoin(self) -> None:
         """Take the place in the odometry's frame anew with the next pose: the one on the map stays."""
@@ -344,11 +342,12 @@ class ExternalOdometry:
         )
 
     def _estimate(self, pair: PosePair, frame: AlignedFrame) -> None:
-        latest = self._history.latest(pair.at_ns)
-        if latest is not None:
-            self.estimate = told_estimate(
-                pair, self._filter, frame.rotation, latest.velocity_enu_ms, self._way_m, self._resets
-            )
+        correction = self._history.correction
+        autopilot_ms = self._history.velocity_enu_ms(pair.at_ns)
+        velocity_ms = correction.rotation @ autopilot_ms + correction.rate_enu_ms
+        self.estimate = told_estimate(
+            pair, self._filter, frame.rotation, velocity_ms, self._way_m, self._resets
+        )
 
     # ---- parts ----------------------------------------------------------------------------------
 

@@ -7,22 +7,21 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 
-YAW, SHIFT, RATE, TURN, SCALE = 0, slice(1, 4), slice(4, 7), 7, 8
+YAW, SHIFT, RATE, TURN = 0, slice(1, 4), slice(4, 7), 7
 # Errors of an autopilot's estimate, as in the filter of the LiDAR odometry: heading and position wander, and
 # without GPS the position drifts ever faster.
 YAW_RAD_SQRT_S, AWAY_M_SQRT_S, UP_M_SQRT_S = np.radians(0.1), 0.02, 0.03
-RATE_MS, RATE_S = 0.05, 5.0
+RATE_MS, RATE_S = 0.1, 5.0
 TURN_RAD_SQRT_S = np.radians(0.02)  # by which the heading of an odometry wanders
-SCALE_SIGMA = 0.02  # of its lengths: a LiDAR knows them, one camera does not
 # Noise from pose to pose: not the odometry's own uncertainty, which successive poses share.
 NOISE_RAD, NOISE_M = np.radians(0.5), 0.05
 
 
 class ShiftFilter:
-    """Gaussian filter of the autopilot's errors, and of those of alignment and scale.
+    """Gaussian filter of the autopilot's errors, and of that of the alignment.
 
     The alignment's rotation about up is known to degrees at first, by which a long way would lead off: an
-    error in proportion to the way from there is that of alignment or scale, any other one the autopilot's.
+    error across the way in proportion to it is that of the alignment, any other one the autopilot's.
 
     Parameters
     ----------
@@ -34,27 +33,25 @@ class ShiftFilter:
     Attributes
     ----------
     state
-        (9,): heading (rad), shift east, north, up (m), its rate (m/s), rotation of the alignment (rad), share
-        by which the odometry's lengths are too large.
+        (8,): heading (rad), shift east, north, up (m), its rate (m/s), rotation of the alignment (rad).
     covariance
-        (9, 9).
+        (8, 8).
     """
 
     def __init__(self, yaw_rad: float, shift_m: Floats, sigma_rad: float) -> None:
-        self.state = np.array([yaw_rad, *shift_m, *np.zeros(5)])
-        self.covariance = np.zeros((9, 9))
+        self.state = np.array([yaw_rad, *shift_m, *np.zeros(4)])
+        self.covariance = np.zeros((8, 8))
         self.covariance[RATE, RATE] = np.eye(3) * RATE_MS**2
         self.covariance[TURN, TURN] = sigma_rad**2
-        self.covariance[SCALE, SCALE] = SCALE_SIGMA**2
 
     def predict(self, seconds: float) -> None:
         """Let time pass."""
-        move = np.eye(9)
+        move = np.eye(8)
         move[SHIFT, RATE] = np.eye(3) * seconds
         move[RATE, RATE] *= np.exp(-seconds / RATE_S)
         rate = RATE_MS**2 * (1 - move[4, 4] ** 2)
         grown = np.array([YAW_RAD_SQRT_S, AWAY_M_SQRT_S, AWAY_M_SQRT_S, UP_M_SQRT_S]) ** 2 * seconds
-        noise = np.diag([*grown, rate, rate, rate, TURN_RAD_SQRT_S**2 * seconds, 0.0])
+        noise = np.diag([*grown, rate, rate, rate, TURN_RAD_SQRT_S**2 * seconds])
         self.state = move @ self.state
         self.covariance = move @ self.covariance @ move.T + noise
 
@@ -68,18 +65,16 @@ class ShiftFilter:
         way_m
             (3,) from where the alignment holds exactly to the vehicle.
         learns
-            Whether the autopilot's way is sure enough to tell the errors of alignment and scale.
+            Whether the autopilot's way is sure enough to tell the error of the alignment.
         """
-        expected = self.state[:4] + self.state[SCALE] * np.append(0.0, way_m)
-        model = np.eye(4, 9)
+        model = np.eye(4, 8)
         if learns:
             model[1:3, TURN] = -way_m[1], way_m[0]
-            model[1:, SCALE] = way_m
         noise = np.diag([NOISE_RAD**2] + [NOISE_M**2] * 3)
         gain = np.linalg.solve(model @ self.covariance @ model.T + noise, model @ self.covariance).T
-        gain[TURN:] *= learns
-        self.state = self.state + gain @ (measured - expected)
-        rest = np.eye(9) - gain @ model
+        gain[TURN] *= learns
+        self.state = self.state + gain @ (measured - self.state[:4])
+        rest = np.eye(8) - gain @ model
         self.covariance = rest @ self.covariance @ rest.T + gain @ noise @ gain.T
         turn, self.state[TURN] = float(self.state[TURN]), 0.0
         return turn

@@ -7,6 +7,9 @@ import logging
 from collections.abc import Callable
 from typing import Protocol
 
+from companion.flight.fusion.external_odometry.external_odometry import SILENT
+from companion.flight.fusion.external_odometry.external_pose import Drop
+from companion.flight.fusion.external_odometry.frame_alignment import NEEDS_WAY
 from companion.flight.landing.situation import Severity
 from companion.runtime.clock import now_ns
 
@@ -18,7 +21,7 @@ AGAIN_NS = 60_000_000_000  # the same text is not told again sooner
 
 Say = Callable[[str, int], None]
 # Not used yet, and nothing is wrong.
-WAITS = frozenset({"", "needs 5 m of way"})
+WAITS = frozenset({NEEDS_WAY, Drop.WITHOUT_POSE.words})
 
 
 class Told(Protocol):
@@ -60,7 +63,7 @@ class OdometryAnnouncer:
     def update(self, at_ns: int) -> list[tuple[Severity, str]]:
         """Return severity and text of each change."""
         why = "" if self._odometry is None else self._odometry.why_not(at_ns)
-        self._heard = self._heard or why != "silent"
+        self._heard = self._heard or why != SILENT
         if self._odometry is None or not self._heard:
             return []
         if why == "":

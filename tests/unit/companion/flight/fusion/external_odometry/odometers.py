@@ -18,7 +18,7 @@ from slz import LocalFrame, Scan
 
 Floats = NDArray[np.float64]
 HOME = LocalFrame(47.397742, 8.545594, 488.0)
-STEP_NS, POSE_NS, SCAN_NS = 25_000_000, 100_000_000, 50_000_000
+STEP_NS, POSE_NS, SCAN_NS = 50_000_000, 100_000_000, 100_000_000
 FRD_FROM_FLU = np.diag([1.0, -1.0, -1.0])
 NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 # Frame of the odometry in the world: turned about up, tilted as its first pose was, and elsewhere.
@@ -60,7 +60,7 @@ class Odometer:
         self.history = PoseHistory(Parameters(), HOME)
         self.odometry = ExternalOdometry(self.history, self.child, lambda: self.gps_lost)
         self.now_ns = 1_000_000_000
-        self.off: list[Floats] = []  # of the pose on the map from the true one, by step
+        self.off: list[Floats] = []  # of the pose on the map from the true one, by scan
         self._sent: list[tuple[int, ExternalPose]] = []
 
     def run(self, seconds: float) -> Odometer:
@@ -75,7 +75,7 @@ class Odometer:
                 self.odometry.add_pose(self._sent.pop(0)[1])
             if self.now_ns % SCAN_NS == 0:
                 self.odometry.add(self.scan())
-            self.off.append(self.placed_m() - self.path(self.t))
+                self.off.append(self.placed_m() - self.path(self.t))
         return self
 
     @property
