@@ -61,7 +61,8 @@ class PoseStream:
         self.batches.emit([(arrival_ns, packet)])
         found = decode(packet)
         if isinstance(found, ExternalPose):
-            found = self._accept(found, packet, arrival_ns)
+            found = self._accept(found, arrival_ns)
+        self._count_lost(packet)
         if isinstance(found, ExternalPose):
             self.messages += 1
             self._on_pose(found)
@@ -71,7 +72,7 @@ class PoseStream:
             log.warning("a message of the odometry is not used: %s", found.words)
         self._on_drop(found, arrival_ns)
 
-    def _accept(self, pose: ExternalPose, packet: bytes, arrival_ns: int) -> ExternalPose | Drop:
+    def _accept(self, pose: ExternalPose, arrival_ns: int) -> ExternalPose | Drop:
         """Return the pose on the companion's clock, or the reason why it is not used."""
         if pose.publisher != self._publisher:
             if self._publisher and arrival_ns - self._arrival_ns < SILENT_NS:
@@ -79,7 +80,6 @@ class PoseStream:
             log.info("odometry of the publisher %s: %s to %s", pose.publisher, pose.child, pose.frame)
             self._publisher, self._number, self._last = pose.publisher, None, None
         self._arrival_ns = arrival_ns
-        self._count_lost(packet)
         stamp_ns = self._clock.map(pose.stamp_ns, arrival_ns)
         if stamp_ns is None:
             return Drop.OTHER_CLOCK
@@ -93,7 +93,7 @@ class PoseStream:
 
     def _count_lost(self, packet: bytes) -> None:
         head = attachment.unpack(packet[:HEAD_BYTES])
-        if head is None:
+        if head is None or head.gid.hex() != self._publisher:
             return
         if self._number is not None:
             self.lost += max(0, head.number - self._number - 1)
