@@ -16,8 +16,8 @@ from companion.flight.doctor.autopilot_fitness import Fitness
 from companion.flight.flight_summary import flight_summary
 from companion.flight.flown_path import FlownPath
 from companion.flight.fusion.assembler import ScanAssembler
+from companion.flight.fusion.external_odometry.odometry_input import OdometryInput
 from companion.flight.fusion.external_odometry.odometry_topic import OdometryTopic
-from companion.flight.fusion.external_odometry.opening import OdometryInput
 from companion.flight.fusion.odometry.opening import open_odometry
 from companion.flight.fusion.odometry.place_source import PlaceSource
 from companion.flight.fusion.pose_history import PoseHistory

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.flight.fusion.external_odometry.odometry_input import OdometryInput
 from companion.flight.fusion.external_odometry.odometry_topic import OdometryTopic
-from companion.flight.fusion.external_odometry.opening import OdometryInput
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.link.command_server import CommandReply, OperatorCommand
 from companion.flight.link.link import Link

@@ -7,8 +7,8 @@ import struct
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.desk.replay.recording_reader import Header, Raw
+from companion.flight.fusion.external_odometry.odometry_input import OdometryInput
 from companion.flight.fusion.external_odometry.odometry_topic import parse_odometry_topic
-from companion.flight.fusion.external_odometry.opening import OdometryInput
 from companion.flight.fusion.odometry.opening import open_odometry
 from companion.flight.fusion.odometry.place_source import PlaceSource
 from companion.flight.fusion.pose_history import CAPACITY, PoseHistory

@@ -40,7 +40,7 @@ class NavigationSource:
     Parameters
     ----------
     place_by
-        What the pilot is told the odometry is, "LiDAR" or "odometry".
+        Name of the odometry in texts, "LiDAR" or "odometry".
 
     Attributes
     ----------

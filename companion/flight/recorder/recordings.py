@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from companion.flight.fusion.external_odometry.opening import OdometryInput
+from companion.flight.fusion.external_odometry.odometry_input import OdometryInput
 from companion.flight.landing.situation import Reply
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker

@@ -67,7 +67,7 @@ class ExternalOdometry:
     Attributes
     ----------
     name
-        What the pilot is told the place is from.
+        Name in texts to the pilot.
     drops
         Messages that were not used, by reason.
     updates

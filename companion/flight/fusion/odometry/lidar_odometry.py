@@ -57,7 +57,7 @@ class LidarOdometry:
     Attributes
     ----------
     name
-        What the pilot is told the place is from.
+        Name in texts to the pilot.
     updates, refused
         Updates by a scan, and scans that did not fit the map: too few points in its planes, or a step that no
         vehicle and no autopilot makes.

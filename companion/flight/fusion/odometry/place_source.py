@@ -14,7 +14,7 @@ class PlaceSource(Protocol):
     Attributes
     ----------
     name
-        What the pilot is told the place is from.
+        Name in texts to the pilot.
     estimate
         Newest pose on the map, None without one.
     """

@@ -74,11 +74,13 @@ class OdometryAnnouncer:
         if at_ns - self._since_ns < LASTS_NS or (why in WAITS and not self._used):
             return []
         self._used = False
-        return self._once(Severity.WARNING, f"SLZ: odometry not used: {why}", at_ns)
+        text = f"SLZ: odometry not used: {why}"
+        return self._once(Severity.WARNING, text, at_ns)
 
     def _begin(self, at_ns: int) -> list[tuple[Severity, str]]:
         self._used = True
-        return self._once(Severity.INFO, "SLZ: odometry used: the map follows it", at_ns)
+        text = "SLZ: odometry used: the map follows it"
+        return self._once(Severity.INFO, text, at_ns)
 
     def _once(self, severity: Severity, text: str, at_ns: int) -> list[tuple[Severity, str]]:
         told_ns = self._told_ns.get(text)

@@ -1,4 +1,4 @@
-"""Opening of an external odometry."""
+"""External odometry with the stream of its messages, opened by topic."""
 
 from __future__ import annotations
 
