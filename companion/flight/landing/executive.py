@@ -369,8 +369,8 @@ class Executive:
                     else "GPS lost: the estimate drifts, be ready",
                 )
             case Reaction.TELL if breach.precondition is Precondition.DRIFT:
-                drift = f"GPS drifts off the {s.place_by}, {s.gps_drift_m:.1f} m in 10 s"
-                self.state.say(Severity.CRITICAL, drift)
+                text = f"GPS drifts off the {s.place_by}, {s.gps_drift_m:.1f} m in 10 s"
+                self.state.say(Severity.CRITICAL, text)
             case Reaction.TELL:
                 cause = f" ({breach.what})" if breach.what else ""
                 self.state.say(Severity.CRITICAL, f"autopilot failsafe{cause}: going on")

@@ -34,7 +34,7 @@ class Told(Protocol):
 class OdometryAnnouncer:
     """Compares whether the odometry is used with what was told.
 
-    Before its first message nothing is told: it may begin later.
+    Nothing is announced before its first message: it may begin later.
 
     Parameters
     ----------
