@@ -38,4 +38,10 @@ Ros2 = Annotated[
     str | None,
     typer.Option(metavar="zenoh[:tcp/HOST:PORT]", help="Be a ROS 2 node by a Zenoh router (docs/ros2.md)."),
 ]
+Ros2Odometry = Annotated[
+    str | None,
+    typer.Option(
+        metavar="/TOPIC[?lidar]", help="Odometry of a ROS 2 node that tells the place (docs/ros2.md)."
+    ),
+]
 Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Log more, to stderr.")]

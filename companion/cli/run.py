@@ -18,6 +18,7 @@ from companion.cli.options import (
     Prior,
     Profile,
     Ros2,
+    Ros2Odometry,
     Settings,
     State,
     System,
@@ -49,6 +50,7 @@ def run(
         typer.Option(min=0, max=65535, metavar="PORT", help="Serve Foxglove's live view on 127.0.0.1:PORT."),
     ] = None,
     ros2: Ros2 = None,
+    ros2_odometry: Ros2Odometry = None,
     prior: Prior = None,
     system: System = None,
     as_json: Json = False,
@@ -61,6 +63,7 @@ def run(
         ("--dashboard", "page", dashboard),
         ("--foxglove", "record", foxglove),
         ("--ros2", "ros", ros2),
+        ("--ros2-odometry", "ros", ros2_odometry),
     ):
         if given is not None:
             extras.require(extra, option)
@@ -91,6 +94,7 @@ def run(
             prior=prior,
             system=system,
             ros2=ros2,
+            ros2_odometry=ros2_odometry,
         )
     if as_json:
         print(json.dumps(summary))

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from companion.flight.app import Companion
+from companion.flight.fusion.external_odometry.odometry_topic import parse_odometry_topic
 from companion.flight.rmw.zenoh_url import parse_zenoh_url
 from companion.flight.services.services import start_signing
 from companion.runtime import output_folder
@@ -41,6 +42,7 @@ def run(
     prior: Path | None = None,
     system: int | None = None,
     ros2: str | None = None,
+    ros2_odometry: str | None = None,
 ) -> dict[str, Any]:
     """Run until SIGTERM or SIGINT and return the summary; raise the error that ended the run otherwise.
 
@@ -72,6 +74,7 @@ def run(
             prior=prior,
             system=system,
             ros2=None if ros2 is None else parse_zenoh_url(ros2),
+            ros2_odometry=None if ros2_odometry is None else parse_odometry_topic(ros2_odometry),
         )
         return await _run(companion, out)
 

@@ -16,7 +16,10 @@ from companion.flight.doctor.autopilot_fitness import Fitness
 from companion.flight.flight_summary import flight_summary
 from companion.flight.flown_path import FlownPath
 from companion.flight.fusion.assembler import ScanAssembler
+from companion.flight.fusion.external_odometry.odometry_input import OdometryInput
+from companion.flight.fusion.external_odometry.odometry_topic import OdometryTopic
 from companion.flight.fusion.odometry.opening import open_odometry
+from companion.flight.fusion.odometry.place_source import PlaceSource
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.fusion.second_sensor import open_beside
 from companion.flight.fusion.wind_estimate import WindEstimate
@@ -34,6 +37,7 @@ from companion.flight.mapping.point_watch import PointWatch
 from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.flight.mode_requests import ModeRequests
 from companion.flight.outputs.announcers.lidar_announcer import LidarAnnouncer
+from companion.flight.outputs.announcers.odometry_announcer import OdometryAnnouncer
 from companion.flight.outputs.map_circle import landing_circle
 from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.recorder.recordings import Recordings
@@ -42,6 +46,7 @@ from companion.flight.rmw.ros_session import RosSession
 from companion.flight.rmw.zenoh_url import ZenohUrl
 from companion.flight.scan_feed import ScanFeed
 from companion.flight.sensors.lidar_url import Lidar, open_lidar
+from companion.flight.sensors.ros_lidar import RosLidar
 from companion.flight.services.order_parameters import OrderParameters
 from companion.flight.services.services import Services
 from companion.flight.services.settings import Settings
@@ -93,6 +98,8 @@ class Companion:
         The vehicle's MAVLink system; None: the only aircraft heard.
     ros2
         Zenoh router and domain of the ROS node; None for none.
+    ros2_odometry
+        Topic of an external odometry; None for none.
 
     Raises
     ------
@@ -116,6 +123,7 @@ class Companion:
         prior: Path | None = None,
         system: int | None = None,
         ros2: ZenohUrl | None = None,
+        ros2_odometry: OdometryTopic | None = None,
     ) -> None:
         self.settings = Settings(parameters, state)
         self.parameters = parameters = self.settings.live
@@ -144,24 +152,28 @@ class Companion:
             self.link, self.history, self.worker, self.executive, self.obstacles, self.watch,
             lambda: self.assembler.scans, lambda: (self.recordings.recorder, self.live, self.ros_node),
         )  # fmt: skip
-        self.odometry = open_odometry(parameters, self.history)
+        wall_offset_ns = WallOffset()
+        self.ros = None if ros2 is None else RosSession(ros2)
+        told = None if ros2_odometry is None else self._open_external(ros2_odometry, wall_offset_ns)
+        self.ros_odometry = None if told is None else told.subscribe(self.ros, parameters)
+        own = open_odometry(parameters, self.history) if told is None else None
+        self.odometry: PlaceSource | None = own if told is None else told.odometry
+        self._external = None if told is None else told.odometry
         self.assembler = ScanAssembler(
             parameters, self.history, self.feed.add_lidar_scan, self.specks, self.odometry
         )
-        wall_offset_ns = WallOffset()
-        self.ros = None if ros2 is None else RosSession(ros2)
         self.lidar: Lidar = open_lidar(
             lidar_url, parameters, self.assembler.add, self.link, wall_offset_ns, self.ros
         )
-        if self.odometry is not None:
-            self.lidar.on_imu(self.odometry.gyro.add_samples)
-            self.link.on_attitude.subscribe(self.odometry.gyro.add_attitude)
+        if own is not None:
+            self.lidar.on_imu(own.gyro.add_samples)
+            self.link.on_attitude.subscribe(own.gyro.add_attitude)
         self.radar: Lidar | None = None
         if radar_url is not None:
             self.radar = open_beside(radar_url, parameters, self.history, self.feed.add_radar_scan)
         self.recordings = Recordings(
             self.link, self.lidar.stream, self.worker, self.settings, wall_offset_ns, state,
-            lambda: self.assembler.scans,
+            lambda: self.assembler.scans, told,
         )  # fmt: skip
         self.situations = SituationSource(
             parameters,
@@ -249,9 +261,12 @@ class Companion:
             "stopper": self._wait_for_stop(),
         }
         if self._aids_autopilot:
-            parts["source"] = NavigationSource().run(
+            place_by = "LiDAR" if self.odometry is None else self.odometry.name
+            parts["source"] = NavigationSource(place_by).run(
                 self.link, self._tells_place, lambda: self.fitness.values
             )
+        if self.ros_odometry is not None:
+            parts["odometry"] = self.ros_odometry.run()
         if self.radar is not None:
             parts["radar"] = self.radar.run()
         if self.page is not None:
@@ -278,6 +293,15 @@ class Companion:
     def _tells_place(self) -> bool:
         return self.odometry is not None and self.odometry.tells_place(now_ns())
 
+    def _open_external(self, topic: OdometryTopic, wall_offset_ns: WallOffset) -> OdometryInput:
+        def cloud_offset_ns(stamp_ns: int) -> int | None:
+            return self.lidar.stream.offset_ns(stamp_ns) if isinstance(self.lidar, RosLidar) else None
+
+        return OdometryInput.open(
+            topic, self.parameters, self.history, gps_lost=lambda: self.link.vehicle.health.gps_lost,
+            cloud_offset_ns=cloud_offset_ns, wall_offset_ns=wall_offset_ns,
+        )  # fmt: skip
+
     def stop(self) -> None:
         """End `run`, after telling whoever listens."""
         self._stop.set()
@@ -298,6 +322,9 @@ class Companion:
             group.create_task(self.streams.run(), name="streams")
             group.create_task(
                 LidarAnnouncer(self.lidar.diagnosis, self.link.statustext).run(), name="lidar announcer"
+            )
+            group.create_task(
+                OdometryAnnouncer(self._external, self.link.statustext).run(), name="odometry announcer"
             )
 
     async def _wait_for_stop(self) -> None:

@@ -52,9 +52,17 @@ def flight_summary(flight: FlightView) -> dict[str, Any]:
         "lidar_faults": [] if diagnosis is None else [episode.document() for episode in diagnosis.episodes],
         "radar": None if radar is None else radar.statistics(),
         "fusion": flight.assembler.statistics(),
+        "odometry": _odometry(flight),
         "recording": flight.recordings.statistics(),
         "ros2": None if flight.ros is None else flight.ros.statistics(),
     }
+
+
+def _odometry(flight: FlightView) -> dict[str, Any] | None:
+    if flight.odometry is None:
+        return None
+    messages = {} if flight.ros_odometry is None else flight.ros_odometry.statistics()
+    return {"by": flight.odometry.name, **flight.odometry.statistics(), **messages}
 
 
 def _found(report: Report | None) -> dict[str, Any]:

@@ -6,6 +6,8 @@ from typing import Protocol
 
 from companion.flight.doctor.autopilot_fitness import Fitness
 from companion.flight.fusion.assembler import ScanAssembler
+from companion.flight.fusion.external_odometry.ros_odometry import RosOdometry
+from companion.flight.fusion.odometry.place_source import PlaceSource
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.fusion.wind_estimate import WindEstimate
 from companion.flight.landing.executive import Executive
@@ -32,6 +34,10 @@ class FlightView(Protocol):
         Second sensor, None without one.
     ros
         Session of the ROS node, None without one.
+    ros_odometry
+        Subscription of an external odometry, None without one.
+    odometry
+        Source of the place beside the autopilot, None while it is off.
     """
 
     parameters: Parameters
@@ -49,6 +55,8 @@ class FlightView(Protocol):
     streams: MessageSchedule
     recordings: Recordings
     ros: RosSession | None
+    ros_odometry: RosOdometry | None
+    odometry: PlaceSource | None
 
     @property
     def report(self) -> Report | None:

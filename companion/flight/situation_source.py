@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from companion.flight.doctor.autopilot_fitness import Fitness
+from companion.flight.fusion.odometry.place_source import PlaceSource
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.fusion.wind_estimate import WindEstimate
 from companion.flight.geometry.axes import heading_rad
@@ -17,9 +17,6 @@ from companion.flight.sensors.lidar_url import Lidar
 from companion.runtime.clock import now_ns
 from params import Parameters
 from slz import Intrusion, PointState, Report, SelectedPoint
-
-if TYPE_CHECKING:
-    from companion.flight.fusion.odometry.lidar_odometry import LidarOdometry
 
 # A heartbeat comes each second; without two of them nobody knows which mode the pilot has chosen.
 HEARD_NS = 2_500_000_000
@@ -55,7 +52,7 @@ class SituationSource:
         fitness: Fitness,
         wind: WindEstimate,
         watch: PointWatch,
-        odometry: LidarOdometry | None = None,
+        odometry: PlaceSource | None = None,
     ) -> None:
         self._odometry = odometry
         self._p = parameters
@@ -118,6 +115,7 @@ class SituationSource:
             gps_lost=health.gps_lost,
             tracked=None if self._odometry is None else self._odometry.is_tracking(now),
             gps_drift_m=0.0 if self._odometry is None else self._odometry.gps_drift_m,
+            place_by="" if self._odometry is None else self._odometry.name,
             cause=health.cause(now),
             target_lost_ns=health.target_lost_ns,
             sticks_us=health.sticks_us,

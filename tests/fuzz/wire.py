@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.flight.fusion.external_odometry.odometry_input import OdometryInput
+from companion.flight.fusion.external_odometry.odometry_topic import OdometryTopic
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.link.command_server import CommandReply, OperatorCommand
 from companion.flight.link.link import Link
@@ -37,6 +39,7 @@ from sitl.sensors.radar.radar_sensor import RadarSensor
 from sitl.world.primitives import Ground, Kind
 from sitl.world.world import World
 from tests.fuzz.harness import Harness, Target
+from tests.unit.companion.flight.fusion.external_odometry.odometry_messages import Told
 from tests.unit.companion.flight.sensors import ouster_packets, velodyne_packets
 from tests.unit.companion.flight.sensors.decoders.clouds import Driver
 from tests.unit.companion.flight.sensors.packets import imu_packet, points_packet
@@ -305,6 +308,42 @@ def ros2() -> Sequence[bytes]:
     return [*(driver.packet(number) for number in range(1, 15)), *(other.packet(15) for other in others)]
 
 
+def odometry() -> Sequence[bytes]:
+    at_ns = 1_700_000_000_000_000_000
+    ways = [(0.3 * k, 0.0, 2.0) for k in range(40)]
+    told = [Told(at_ns + k * 50_000_000, way, number=k + 1) for k, way in enumerate(ways)]
+    unsure = Told(at_ns + 3_000_000_000, covariance=(-1.0,) * 36, number=41)
+    return [one.packet() for one in (*told, unsure)]
+
+
+class FuzzedOdometry:
+    """An odometry beside an autopilot that flies east, fed by hand."""
+
+    def __init__(self) -> None:
+        self._now_ns = 1_000_000_000
+        self._history = PoseHistory(Parameters())
+        self._input = OdometryInput.open(
+            OdometryTopic("/odom"),
+            Parameters(),
+            self._history,
+            gps_lost=lambda: False,
+            cloud_offset_ns=lambda _stamp_ns: None,
+            wall_offset_ns=lambda: 1_700_000_000_000_000_000 - 1_000_000_000,
+        )
+
+    def __call__(self, data: bytes) -> None:
+        self._now_ns += STEP_NS * 10
+        seconds = self._now_ns * 1e-9
+        self._history.add_attitude(self._now_ns, (0.7071, 0.0, 0.0, 0.7071), (0.0, 0.0, 0.0))
+        self._history.add_position(self._now_ns, 47.0, 8.0 + 8e-5 * seconds, 500.0, (0.0, 6.0, 0.0))
+        self._input.stream.add_packet(data, self._now_ns)
+        pose = self._history.latest(self._now_ns)
+        assert pose is not None
+        assert np.isfinite(pose.position_enu_m).all()
+        assert np.isfinite(pose.velocity_enu_ms).all()
+        assert abs(float(np.linalg.norm(pose.quat_wxyz)) - 1) < 1e-6
+
+
 def _ground() -> World:
     z = np.zeros((41, 41))
     return World(Ground(-80.0, -80.0, 4.0, z, np.full((40, 40), Kind.GRASS, np.uint8)))
@@ -404,6 +443,7 @@ HARNESSES = (
     ),
     Harness("ros2", ros2, sensor("ros2", lambda: "instant")),
     Harness("ros2-timed", ros2, sensor("ros2")),
+    Harness("ros2-odometry", odometry, lambda _f: FuzzedOdometry()),
     Harness("lightware", lightware, FuzzedLine, mended_lightware),
     Harness("flash", flash, sensor("flash"), cost=20),
     Harness("radar", radar, sensor("radar"), cost=20),

@@ -7,7 +7,10 @@ import struct
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.desk.replay.recording_reader import Header, Raw
+from companion.flight.fusion.external_odometry.odometry_input import OdometryInput
+from companion.flight.fusion.external_odometry.odometry_topic import parse_odometry_topic
 from companion.flight.fusion.odometry.opening import open_odometry
+from companion.flight.fusion.odometry.place_source import PlaceSource
 from companion.flight.fusion.pose_history import CAPACITY, PoseHistory
 from companion.flight.link.command_server import CommandServer
 from companion.flight.link.inbox import Inbox
@@ -45,7 +48,7 @@ class RecordedSensors:
     history
         The vehicle's poses.
     odometry
-        Odometry of the scans, None where the parameters have it off.
+        Odometry of the scans, or the external one of the flight; None where the parameters have it off.
     on_imu
         Event of the LiDAR's inertial samples, as in the driver.
     """
@@ -69,16 +72,26 @@ class RecordedSensors:
         self._inbox.attitude.subscribe(self.history.add_attitude)
         self._inbox.position.subscribe(self.history.add_position)
         self._inbox.rebooted.subscribe(self.history.clear)
-        self.odometry = open_odometry(parameters, self.history)
-        if self.odometry is not None:
-            self.on_imu.subscribe(self.odometry.gyro.add_samples)
-            self._inbox.attitude.subscribe(self.odometry.gyro.add_attitude)
+        self._told = _external(header, parameters, self)
+        self.odometry: PlaceSource | None = None if self._told is None else self._told.odometry
+        own = None if self._told is not None else open_odometry(parameters, self.history)
+        if own is not None:
+            self.odometry = own
+            self.on_imu.subscribe(own.gyro.add_samples)
+            self._inbox.attitude.subscribe(own.gyro.add_attitude)
 
     @property
     def diagnosis(self) -> LidarDiagnosis | None:
         """What was wrong with the LiDAR's stream and clock; None for a sensor that is not diagnosed."""
         stream = self._stream
         return stream.diagnosis if isinstance(stream, PacketStream) and stream.is_diagnosed else None
+
+    def cloud_offset_ns(self, stamp_ns: int) -> int | None:
+        """Return the offset of the stamps of a ROS driver's clouds, None for other sensors."""
+        stream = self._stream
+        if not isinstance(stream, PacketStream) or stream.kind != "ros2":
+            return None
+        return stream.offset_ns(stamp_ns)
 
     @property
     def vehicle(self) -> VehicleState:
@@ -107,6 +120,9 @@ class RecordedSensors:
                 for arrival_ns, packet in journal.unpack_batch(message.data):
                     self._stream.add_packet(packet, "", arrival_ns)
                 self._stream.flush(message.at_ns)
+            case journal.ODOMETRY if self._told is not None:
+                for arrival_ns, packet in journal.unpack_batch(message.data):
+                    self._told.stream.add_packet(packet, arrival_ns)
             case journal.EVENT:
                 event = journal.unpack_event(message.data)
                 if isinstance(event, LocalFrame):
@@ -116,3 +132,17 @@ class RecordedSensors:
                     return event
                 self._inbox.clock.timesync.request(event)
         return None
+
+
+def _external(header: Header, parameters: Parameters, sensors: RecordedSensors) -> OdometryInput | None:
+    """Return the external odometry of the flight, None without one or where the parameters use none."""
+    if not header.odometry or parameters.odometry == "off":
+        return None
+    return OdometryInput.open(
+        parse_odometry_topic(header.odometry),
+        parameters,
+        sensors.history,
+        gps_lost=lambda: sensors.vehicle.health.gps_lost,
+        cloud_offset_ns=sensors.cloud_offset_ns,
+        wall_offset_ns=lambda: header.clock_offset_ns,
+    )

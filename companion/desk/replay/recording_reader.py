@@ -25,7 +25,7 @@ class Header:
     lidar_metadata: the sensor's metadata, where its packets do not suffice. scans: number of scans before
     the recording began. system, remembered: the vehicle's, as far as it was known by then, and that of the
     previous run (`VehicleIdentity`). gated: positions were held back until one came with a fix
-    (`PositionGate`).
+    (`PositionGate`). odometry: topic of an external odometry, empty without one.
     """
 
     lidar: str
@@ -36,6 +36,7 @@ class Header:
     system: int | None = None
     remembered: int | None = None
     gated: bool = False
+    odometry: str = ""
 
     def parameters(self, settings: Iterable[str] = ()) -> Parameters:
         """Return the flight's parameters, with those of `settings` (`name=value`) replaced.
@@ -133,6 +134,7 @@ class RecordingReader:
                 system,
                 remembered,
                 gated=metadata.get("gated") == "1",
+                odometry=metadata.get("odometry", ""),
             )
             params.build(values)
         except ParameterError as error:

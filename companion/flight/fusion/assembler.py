@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 from companion.flight.fusion.georeference import Georeferencer
+from companion.flight.fusion.odometry.place_source import PlaceSource
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.fusion.vehicle_and_dust_filter import VehicleAndDustFilter
 from companion.flight.sensors.returns import Returns, join
 from params import Parameters
 from slz import Scan, SpeckDetector
-
-if TYPE_CHECKING:
-    from companion.flight.fusion.odometry.lidar_odometry import LidarOdometry
 
 SPAN_NS = 50_000_000
 # Limit of buffered returns and lost rays, some seconds of a fast sensor: bounds memory whatever stamps say.
@@ -55,7 +52,7 @@ class ScanAssembler:
         history: PoseHistory,
         on_scan: Callable[[Scan], None],
         specks: SpeckDetector | None = None,
-        odometry: LidarOdometry | None = None,
+        odometry: PlaceSource | None = None,
     ) -> None:
         self._patience_ns = round(parameters.pose_timeout_s * 1e9)
         self._history = history

@@ -233,6 +233,11 @@ class PoseHistory:
         )
         return poses
 
+    def velocity_enu_ms(self, stamp_ns: int) -> Floats:
+        """Return the autopilot's velocity (3,) at a time between its samples, that of an end beyond them."""
+        at, axes = self._positions.stamp_ns, self._positions.values[:, 3:6].T
+        return np.array([np.interp(stamp_ns, at, axis) for axis in axes])
+
     def latest(self, now_ns: int) -> Pose | None:
         """Return the newest pose on the map, extrapolated to now by at most 0.1 s; None if it is stale.
 

@@ -364,10 +364,13 @@ class Executive:
                 aided = s.tracked and self._p.odometry == "autopilot"
                 self.state.say(
                     Severity.CRITICAL,
-                    "GPS lost: going on by the LiDAR" if aided else "GPS lost: the estimate drifts, be ready",
+                    f"GPS lost: going on by the {s.place_by}"
+                    if aided
+                    else "GPS lost: the estimate drifts, be ready",
                 )
             case Reaction.TELL if breach.precondition is Precondition.DRIFT:
-                self.state.say(Severity.CRITICAL, f"GPS drifts off the LiDAR, {s.gps_drift_m:.1f} m in 10 s")
+                text = f"GPS drifts off the {s.place_by}, {s.gps_drift_m:.1f} m in 10 s"
+                self.state.say(Severity.CRITICAL, text)
             case Reaction.TELL:
                 cause = f" ({breach.what})" if breach.what else ""
                 self.state.say(Severity.CRITICAL, f"autopilot failsafe{cause}: going on")

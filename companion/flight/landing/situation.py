@@ -58,7 +58,8 @@ class Situation:
     failsafe: reported by the autopilot. breached: outside its fence. estimate_lost: parts of the estimate
     that were valid and are lost. gps_lost: the receiver lost its fix; the estimate drifts. tracked: the
     LiDAR odometry knows the place on the map, or did three seconds ago; None while it is off. gps_drift_m:
-    how far the estimate went off the map in the last ten seconds, by the odometry. cause: reason of the
+    how far the estimate went off the map in the last ten seconds, by the odometry. place_by: what the
+    odometry is called, "LiDAR" or "odometry". cause: reason of the
     failsafe. target_lost_ns: last time at which the autopilot reported the landing target lost. sticks_us:
     the pilot's roll and pitch stick, None if not seen. switched: a switch of the pilot's transmitter moved
     within the last seconds. fit: the autopilot is known to be set up for a landing. heading_rad: of the
@@ -91,6 +92,7 @@ class Situation:
     gps_lost: bool = False
     tracked: bool | None = None
     gps_drift_m: float = 0.0
+    place_by: str = "LiDAR"
     cause: str = ""
     target_lost_ns: int | None = None
     sticks_us: tuple[int, int] | None = None

@@ -37,13 +37,19 @@ Text = tuple[str, int]
 class NavigationSource:
     """Decision which source set ArduPilot shall use; no I/O except in `run`.
 
+    Parameters
+    ----------
+    place_by
+        Name of the odometry in texts, "LiDAR" or "odometry".
+
     Attributes
     ----------
     active
         Source set that was last confirmed; an autopilot starts with `GPS`.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, place_by: str = "LiDAR") -> None:
+        self._place_by = place_by
         self.active = GPS
         self._wanted = GPS
         self._good_since_ns: int | None = None
@@ -83,13 +89,15 @@ class NavigationSource:
             self.active = source
             self._failures = 0
             if source == LIDAR:
-                self._tell("SLZ: GPS lost: position from the LiDAR", mavlink.MAV_SEVERITY_WARNING)
+                self._tell(f"SLZ: GPS lost: position from the {self._place_by}", mavlink.MAV_SEVERITY_WARNING)
             else:
                 self._tell("SLZ: GPS back: position from GPS", mavlink.MAV_SEVERITY_NOTICE)
         elif not accepted:
             self._failures += 1
             if self._failures == TRIES_UNTIL_CALL and source == LIDAR:
-                self._tell("SLZ: LiDAR position refused: take over", mavlink.MAV_SEVERITY_CRITICAL)
+                self._tell(
+                    f"SLZ: {self._place_by} position refused: take over", mavlink.MAV_SEVERITY_CRITICAL
+                )
             elif self._failures == TRIES_UNTIL_CALL:
                 self._tell("SLZ: GPS back, its use refused", mavlink.MAV_SEVERITY_WARNING)
 
@@ -152,7 +160,7 @@ class NavigationSource:
             self._called = False
         elif not self._called and self._passed(self._unhealthy_since_ns, now_ns) > UNHEALTHY_NS:
             self._called = True
-            self._tell("SLZ: no GPS, no LiDAR position: take over", mavlink.MAV_SEVERITY_CRITICAL)
+            self._tell(f"SLZ: no GPS, no {self._place_by} position: take over", mavlink.MAV_SEVERITY_CRITICAL)
 
     def _tell(self, text: str, severity: int) -> None:
         self._texts.append((text, severity))

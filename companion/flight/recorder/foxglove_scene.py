@@ -81,7 +81,10 @@ def channels(context: foxglove.Context) -> Mapping[str, Any]:
     raw = {
         journal.MAVLINK_IN: ("mavlink", Schema(name="mavlink.Frame", encoding="", data=b"")),
         journal.MAVLINK_OUT: ("mavlink", Schema(name="mavlink.Frame", encoding="", data=b"")),
-        journal.LIDAR: ("slz.packets", Schema(name="slz.Packets", encoding="", data=b"")),
+        **dict.fromkeys(
+            (journal.LIDAR, journal.ODOMETRY),
+            ("slz.packets", Schema(name="slz.Packets", encoding="", data=b"")),
+        ),
     }
     documents = (journal.EVENT, journal.REPORT, journal.GAP, PARAMETERS)
     anything = Schema(name="slz.Object", encoding="jsonschema", data=b'{"type": "object"}')

@@ -8,6 +8,7 @@ companion's clock plus `clock_offset_ns` of the file's metadata `slz`.
 | /raw/mavlink/in | one accepted MAVLink frame |
 | /raw/mavlink/out | one sent MAVLink frame |
 | /raw/lidar | a batch of the sensor's packets with their arrival times |
+| /raw/odometry | messages of an external odometry with their arrival times |
 | /raw/event | JSON: a request for the autopilot's time; a map frame that began; a window that was processed |
 | /raw/report | JSON: zones, landing point and wires of a window's report |
 | /raw/gap | JSON: number of the above messages that were lost here |
@@ -29,8 +30,9 @@ from slz import LocalFrame, Report, SelectedPoint, Wire, Zone
 VERSION = 1
 METADATA = "slz"
 MAVLINK_IN, MAVLINK_OUT = "/raw/mavlink/in", "/raw/mavlink/out"
-LIDAR, EVENT, REPORT, GAP = "/raw/lidar", "/raw/event", "/raw/report", "/raw/gap"
-TOPICS = frozenset({MAVLINK_IN, MAVLINK_OUT, LIDAR, EVENT, REPORT, GAP})
+LIDAR, ODOMETRY, EVENT = "/raw/lidar", "/raw/odometry", "/raw/event"
+REPORT, GAP = "/raw/report", "/raw/gap"
+TOPICS = frozenset({MAVLINK_IN, MAVLINK_OUT, LIDAR, ODOMETRY, EVENT, REPORT, GAP})
 
 _PACKET = struct.Struct("<QI")  # arrival on the companion's clock (ns), bytes of the packet
 

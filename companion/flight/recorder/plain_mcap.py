@@ -24,7 +24,7 @@ SCHEMAS = (
 CHANNELS = {  # number of the schema, encoding of the messages
     journal.MAVLINK_IN: (1, "mavlink"),
     journal.MAVLINK_OUT: (1, "mavlink"),
-    journal.LIDAR: (2, "slz.packets"),
+    **dict.fromkeys((journal.LIDAR, journal.ODOMETRY), (2, "slz.packets")),
     **dict.fromkeys((journal.EVENT, journal.REPORT, journal.GAP, PARAMETERS), (3, "json")),
 }
 

@@ -47,6 +47,8 @@ class Recorder:
         Identity of the vehicle, as far as it is known.
     gated
         Whether positions are withheld until the first one with a fix.
+    odometry
+        Topic of an external odometry, empty without one.
 
     Raises
     ------
@@ -64,6 +66,7 @@ class Recorder:
         scans: int = 0,
         identity: VehicleIdentity | None = None,
         gated: bool = False,
+        odometry: str = "",
     ) -> None:
         self._wall_offset_ns = wall_offset_ns
         self._lost = 0
@@ -77,6 +80,7 @@ class Recorder:
             "clock_offset_ns": str(wall_offset_ns),
             "scans": str(scans),
             "gated": str(int(gated)),
+            "odometry": odometry,
         }
         if identity is not None:
             metadata |= {"system": str(identity.known or ""), "remembered": str(identity.remembered or "")}
@@ -104,6 +108,10 @@ class Recorder:
     def packets(self, batch: journal.Batch) -> None:
         """Record a batch of the sensor's packets, before decoding."""
         self._raw(journal.LIDAR, journal.pack_batch(batch), now_ns())
+
+    def odometry_messages(self, batch: journal.Batch) -> None:
+        """Record messages of an external odometry, before decoding."""
+        self._raw(journal.ODOMETRY, journal.pack_batch(batch), now_ns())
 
     def window(self, event: WindowEvent, window: Window) -> None:
         """Record the window that the pipeline starts on."""

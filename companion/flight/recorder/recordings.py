@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from companion.flight.fusion.external_odometry.odometry_input import OdometryInput
 from companion.flight.landing.situation import Reply
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
@@ -35,6 +36,8 @@ class Recordings:
         State directory for recordings begun in flight; None allows none.
     scans
         Returns the number of scans so far, by which windows number theirs.
+    odometry
+        An external odometry, if any.
 
     Attributes
     ----------
@@ -51,9 +54,11 @@ class Recordings:
         wall_offset_ns: WallOffset,
         state: StateDir | None,
         scans: Callable[[], int] = lambda: 0,
+        odometry: OdometryInput | None = None,
     ) -> None:
         self._link, self._stream, self._worker, self._settings = link, stream, worker, settings
         self._wall_offset_ns, self._scans = wall_offset_ns, scans
+        self._odometry = odometry
         self._folder = None if state is None else state.folder / "recordings"
         self._unsubscribe: Sequence[Unsubscribe] = ()
         self.recorder: Recorder | None = None
@@ -69,7 +74,8 @@ class Recordings:
         stream, settings = self._stream, self._settings
         link = self._link.identity, not self._link.believes_position
         begun = self._wall_offset_ns(), stream.metadata, self._scans()
-        recorder = Recorder(path, stream.kind, settings.running, *begun, *link)
+        topic = "" if self._odometry is None else str(self._odometry.topic)
+        recorder = Recorder(path, stream.kind, settings.running, *begun, *link, topic)
         self._unsubscribe = (
             self._link.on_frame.subscribe(recorder.frame_in),
             self._link.on_sent.subscribe(recorder.frame_out),
@@ -78,6 +84,9 @@ class Recordings:
             self._worker.on_window.subscribe(recorder.window),
             settings.on_change.subscribe(recorder.changed),
         )
+        if self._odometry is not None:
+            messages = self._odometry.stream.batches.subscribe(recorder.odometry_messages)
+            self._unsubscribe = (*self._unsubscribe, messages)
         self.recorder = recorder
 
     def start_flight_recording(self, path: Path) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from companion.flight.flight_view import FlightView
+from companion.flight.fusion.external_odometry.external_odometry import ExternalOdometry
 from companion.flight.rmw.message_types import message_types
 from companion.flight.ros2.frame_messages import header
 
@@ -48,8 +49,19 @@ def statuses(flight: FlightView, ros: Mapping[str, Any]) -> list[Status]:
         ("map", ERROR if worker.invalid else OK, "withdrawn" if worker.invalid else "", mapping),
         ("LiDAR", WARN if blind else OK, blind, flight.lidar.statistics()),
         ("MAVLink", OK if s.connected else ERROR, "" if s.connected else "no autopilot", counters),
+        *_odometry(flight, s.now_ns),
         ("ROS 2", OK, "", ros),
     ]
+
+
+def _odometry(flight: FlightView, at_ns: int) -> list[Status]:
+    """Return the state of the odometry that is subscribed, none without one."""
+    odometry, messages = flight.odometry, flight.ros_odometry
+    if messages is None or not isinstance(odometry, ExternalOdometry):
+        return []
+    why = odometry.why_not(at_ns)
+    counters = {**messages.statistics(), **odometry.statistics()}
+    return [("odometry", WARN if why else OK, why, {"topic": str(messages.topic), **counters})]
 
 
 def diagnostics(parts: list[Status], at_ns: int) -> Any:

@@ -27,6 +27,7 @@ REMEMBERED = 64  # number of packets searched for a duplicate
 REMEMBERED_IMU = 16
 IMU_LATE_NS, IMU_EARLY_NS = 500_000_000, 50_000_000  # of an inertial sample against its arrival
 UNDIAGNOSED = frozenset({"ros2"})
+NEAR_NS = 1_000_000_000
 MOST_UNANSWERED = 100  # batches without any return whose lost rays wait for the next one
 
 OnReturns = Callable[[Returns], None]
@@ -130,6 +131,7 @@ class PacketStream:
         self._wrong_sensor = 0
         self._failed = 0
         self._decoded_ns: int | None = None
+        self._newest_ns: int | None = None  # stamp, on the sensor's clock
         self._recent: deque[int] = deque(maxlen=REMEMBERED)
         self._recent_imu: deque[int] = deque(maxlen=REMEMBERED_IMU)
         self._undated = 0
@@ -185,6 +187,7 @@ class PacketStream:
         if self._clock.is_jump(stamp_ns, arrival_ns):
             self.flush(arrival_ns)  # the earlier packets belong to the clock before its jump
         self._clock.observe(stamp_ns, arrival_ns)
+        self._newest_ns = stamp_ns
         try:
             self._decoder.add_packet(packet)
         except Exception:
@@ -227,6 +230,16 @@ class PacketStream:
             raw = join_raw([*self._unanswered, raw])
             self._unanswered.clear()
         self._on_returns(raw.shifted(self._clock.offset_ns(int(raw.stamp_ns[-1]))))
+
+    def offset_ns(self, stamp_ns: int) -> int | None:
+        """Return the offset from the sensor's clock to the companion's at a stamp near the newest packet's.
+
+        None before any packet, and for a stamp a second or more away, which is of another clock.
+        """
+        newest_ns = self._newest_ns
+        if newest_ns is None or abs(stamp_ns - newest_ns) >= NEAR_NS:
+            return None
+        return self._clock.offset_ns(stamp_ns)
 
     def statistics(self) -> dict[str, int | float | None]:
         """Return counters of packets and returns, and of dropped data by reason."""

@@ -15,6 +15,7 @@ SOURCES = (
     "companion/flight/mode_requests.py",
     "companion/flight/report_feed.py",
     "companion/flight/outputs/announcers/lidar_announcer.py",
+    "companion/flight/outputs/announcers/odometry_announcer.py",
     "companion/flight/outputs/announcers/wire_announcer.py",
     "companion/flight/sensors/diagnosis/explanation.py",
     "companion/flight/command_execution.py",

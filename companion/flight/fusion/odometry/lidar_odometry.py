@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from companion.flight.fusion.odometry.correction import Correction
 from companion.flight.fusion.odometry.correction_filter import CorrectionFilter
+from companion.flight.fusion.odometry.drift_track import DriftTrack
 from companion.flight.fusion.odometry.gyro_track import GyroTrack
 from companion.flight.fusion.odometry.map_uncertainty import SHARED_M, MapUncertainty
 from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
@@ -39,7 +39,6 @@ VELOCITY_MS = 0.03  # standard deviation of a velocity beside its drift
 FRESH_NS = 500_000_000
 # Since the place was told, for which an autopilot's dead reckoning holds a landing: 0.15 m off.
 BRIDGE_NS = 3_000_000_000
-DRIFT_NS, DRIFT_STEP_NS = 10_000_000_000, 500_000_000
 NEVER_NS = -(10**18)
 STUCK = 20  # updates refused in a row, after which the map begins anew
 
@@ -57,6 +56,8 @@ class LidarOdometry:
 
     Attributes
     ----------
+    name
+        Name in texts to the pilot.
     updates, refused
         Updates by a scan, and scans that did not fit the map: too few points in its planes, or a step that no
         vehicle and no autopilot makes.
@@ -65,6 +66,8 @@ class LidarOdometry:
     estimate
         Newest pose on the map; None before the second update, and while the autopilot's pose is stale.
     """
+
+    name = "LiDAR"
 
     def __init__(self, history: PoseHistory, gyro: GyroTrack) -> None:
         self.gyro = gyro
@@ -76,7 +79,7 @@ class LidarOdometry:
         self._epoch = history.epoch
         self._seen_ns = np.full(6, NEVER_NS)
         self._refused_in_row = 0
-        self._track: deque[tuple[int, Floats]] = deque()
+        self._drift = DriftTrack()
         self.estimate: OdometryEstimate | None = None
         self.updates = self.refused = self.restarts = 0
 
@@ -113,10 +116,7 @@ class LidarOdometry:
     @property
     def gps_drift_m(self) -> float:
         """Distance by which the autopilot's position went off the map within the last ten seconds, m."""
-        if len(self._track) < 2:
-            return 0.0
-        places = np.array([place for _, place in self._track])
-        return float(np.linalg.norm(places - places[-1], axis=1).max())
+        return self._drift.drift_m
 
     def statistics(self) -> dict[str, int]:
         """Return the counts."""
@@ -130,7 +130,7 @@ class LidarOdometry:
         self._map_variance_m2 = np.zeros(3)
         self._waiting, self._last_ns = [], None
         self._seen_ns[:] = NEVER_NS
-        self._track.clear()
+        self._drift.clear()
         self._refused_in_row = 0
         self._filter = CorrectionFilter()
         self.estimate = self._history.tracked_until_ns = None
@@ -179,19 +179,6 @@ class LidarOdometry:
         before, after = poses.rotation_enu_from_frd
         error = Rotation.from_matrix(before @ turned @ after.T).as_rotvec()
         return np.array([0.0, 0.0, error[2]])
-
-    def _follow_drift(self, at_ns: int, shift_m: Floats, observed: bool) -> None:
-        """Note the horizontal shift, each half second of the last ten while it is observed."""
-        track = self._track
-        if not observed:
-            track.clear()
-            return
-        while track and at_ns - track[0][0] > DRIFT_NS:
-            track.popleft()
-        if len(track) < 2 or at_ns - track[-2][0] >= DRIFT_STEP_NS:
-            track.append((at_ns, shift_m))
-        else:
-            track[-1] = at_ns, shift_m
 
     def _register(
         self, points: Floats, pivot: Floats, at_ns: int, predicted: Floats, seconds: float
@@ -247,7 +234,7 @@ class LidarOdometry:
     def _set(self, state: Floats, pivot_enu_m: Floats, at_ns: int) -> None:
         """Hand the correction to the history, and form the estimate."""
         observed = at_ns - self._seen_ns < LOST_NS
-        self._follow_drift(at_ns, state[3:5], bool(observed[3:5].all()))
+        self._drift.add(at_ns, state[3:5], bool(observed[3:5].all()))
         self._history.correction = Correction(state[:3], pivot_enu_m, state[3:6], state[6:])
         self._history.tracked_until_ns = at_ns + LOST_NS if observed.all() else None
         poses = self._history.interpolate(np.array([at_ns]))

@@ -195,7 +195,10 @@ class Preconditions:
         if s.failsafe:
             broken[Precondition.NO_FAILSAFE] = s.cause
         if s.gps_lost and s.tracked is False:
-            broken[Precondition.TRACK] = "GPS lost, LiDAR sees too little"
+            by_lidar = s.place_by == "LiDAR"
+            broken[Precondition.TRACK] = (
+                "GPS lost, LiDAR sees too little" if by_lidar else "GPS and odometry lost"
+            )
         elif s.gps_lost:
             broken[Precondition.GPS] = ""
         if s.gps_drift_m > MOST_DRIFT_M:

@@ -15,12 +15,14 @@ from companion.flight.recorder.journal import BadRecordError
 from companion.flight.sensors.returns import Returns
 from params import Parameters
 
-HEADER = Header("livox", Parameters().model_dump(mode="json"), 0)
+HEADER = Header("livox", Parameters().model_dump(mode="json"), 0, odometry="/odom")
+WITH_ODOMETRY = Parameters(odometry="map")
 BROKEN = [
     Raw(journal.MAVLINK_IN, 1, b""),
     Raw(journal.MAVLINK_IN, 1, b"\xfd\x01"),
     Raw(journal.MAVLINK_IN, 1, np.random.default_rng(1).bytes(60)),
     Raw(journal.LIDAR, 1, b"\0" * 5),
+    Raw(journal.ODOMETRY, 1, b"\0" * 5),
     Raw(journal.EVENT, 1, b"[]"),
     Raw(journal.EVENT, 1, b"\xff"),
 ]
@@ -29,14 +31,14 @@ BROKEN = [
 @pytest.mark.parametrize("message", BROKEN)
 def test_a_message_that_cannot_be_read_says_so(message: Raw) -> None:
     with pytest.raises(BadRecordError):
-        RecordedSensors(HEADER, Parameters(), lambda _returns: None).on_message(message)
+        RecordedSensors(HEADER, WITH_ODOMETRY, lambda _returns: None).on_message(message)
 
 
 @pytest.mark.parametrize(
     "message", [*BROKEN, Raw(journal.GAP, 1, b"null"), Raw(journal.GAP, 1, b'{"lost": "x"}')]
 )
 def test_a_replay_counts_it_and_goes_on(message: Raw) -> None:
-    replay = Replay(HEADER, Parameters())
+    replay = Replay(HEADER, WITH_ODOMETRY)
     assert replay.process_message(message) is None
     assert replay.outcome.bad == 1
 

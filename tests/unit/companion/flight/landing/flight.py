@@ -103,6 +103,7 @@ class Flight:
         self.target_lost_ns: int | None = None
         self.gps_lost = False
         self.tracked: bool | None = None
+        self.place_by = "LiDAR"
         self.gps_drift_m = 0.0
         self.sticks_us: tuple[int, int] | None = None
         self.lost = "LiDAR lost"
@@ -156,6 +157,7 @@ class Flight:
             estimate_lost=self.estimate_lost,
             gps_lost=self.gps_lost,
             tracked=self.tracked,
+            place_by=self.place_by,
             gps_drift_m=self.gps_drift_m,
             cause=self.cause,
             target_lost_ns=self.target_lost_ns,

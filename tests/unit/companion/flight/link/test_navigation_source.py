@@ -49,6 +49,13 @@ class Script:
         return texts
 
 
+def test_texts_name_an_odometry_that_is_not_the_lidar_s() -> None:
+    script = Script()
+    script.source = NavigationSource("odometry")
+    assert script.run(1, lost=True, healthy=True) == ["GPS lost: position from the odometry"]
+    assert script.run(5, lost=True, healthy=False) == ["no GPS, no odometry position: take over"]
+
+
 def test_the_lidar_is_commanded_at_once_and_gps_when_it_was_good_for_five_seconds() -> None:
     script = Script()
     assert script.run(10, lost=False, healthy=True) == []

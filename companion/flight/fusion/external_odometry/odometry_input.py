@@ -1,0 +1,59 @@
+"""External odometry with the stream of its messages, opened by topic."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Self
+
+from companion.flight.fusion.external_odometry.external_odometry import ExternalOdometry
+from companion.flight.fusion.external_odometry.odometry_clock import OdometryClock, Offset
+from companion.flight.fusion.external_odometry.odometry_topic import EXAMPLE, OdometryTopic
+from companion.flight.fusion.external_odometry.pose_stream import PoseStream
+from companion.flight.fusion.external_odometry.ros_odometry import RosOdometry
+from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.rmw.ros_session import RosSession
+from companion.runtime.errors import UsageError
+from params import Parameters
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryInput:
+    """An external odometry, and the stream of its messages."""
+
+    topic: OdometryTopic
+    odometry: ExternalOdometry
+    stream: PoseStream
+
+    @classmethod
+    def open(
+        cls,
+        topic: OdometryTopic,
+        parameters: Parameters,
+        history: PoseHistory,
+        *,
+        gps_lost: Callable[[], bool],
+        cloud_offset_ns: Offset,
+        wall_offset_ns: Callable[[], int],
+    ) -> Self:
+        """Return the odometry of a topic, which corrects a history."""
+        odometry = ExternalOdometry(history, topic.child_frame(parameters), gps_lost)
+        clock = OdometryClock(cloud_offset_ns, wall_offset_ns)
+        return cls(topic, odometry, PoseStream(clock, odometry.add_pose, odometry.on_drop))
+
+    def subscribe(self, session: RosSession | None, parameters: Parameters) -> RosOdometry:
+        """Return the subscription of a node that is not yet running.
+
+        Raises
+        ------
+        UsageError
+            There is no node, or the parameters use no odometry.
+        """
+        option = f"--ros2-odometry {str(self.topic)!r}"
+        if session is None:
+            raise UsageError(f"{option} needs --ros2: write {EXAMPLE}")
+        if parameters.odometry == "off":
+            raise UsageError(
+                f"{option} is used nowhere, as odometry is off: add --set odometry=map or autopilot"
+            )
+        return RosOdometry(session, self.topic, self.stream)
