@@ -28,8 +28,9 @@ STYLE = (
 )
 TEXT = (
     "A cell is safe if the whole square footprint about it is: slope and relief of the exact surface, water"
-    " and wires (ADR 39). Sorted by the share of truly unsafe cells that are called safe. Bold: the best of"
-    f" the methods that find at least {LEAST_FOUND:.0%} of the safe cells. Time: "
+    " and wires (ADR 39). Sorted by the share of truly unsafe cells that are called safe; methods that find"
+    f" less than {LEAST_FOUND:.0%} of the safe cells come after the others, and none of their figures is bold,"
+    " which marks the best of a column. Time: "
 )
 
 
@@ -129,17 +130,23 @@ def _contestants(document: dict[str, Any], group: str) -> dict[str, dict[str, An
     return {
         m["name"]: m["groups"][group]
         for m in document["methods"]
-        if group in m["groups"]
-        and m["name"] != REFERENCE.name
-        and (m["groups"][group]["safe_found"] or 0.0) >= LEAST_FOUND
+        if group in m["groups"] and m["name"] != REFERENCE.name and _finds_enough(m["groups"][group])
     }
+
+
+def _finds_enough(figures: dict[str, Any]) -> bool:
+    return (figures["safe_found"] or 0.0) >= LEAST_FOUND
 
 
 def _ordered(document: dict[str, Any], group: str) -> list[tuple[str, dict[str, Any]]]:
     rows = [(m["name"], m["groups"][group]) for m in document["methods"] if group in m["groups"]]
-    return sorted(
-        rows, key=lambda row: (row[0] == REFERENCE.name, row[1]["unsafe_called_safe"] or 0.0, row[0])
-    )
+
+    def place(row: tuple[str, dict[str, Any]]) -> tuple[bool, bool, float, str]:
+        name, figures = row
+        missed = figures["unsafe_called_safe"] or 0.0
+        return name == REFERENCE.name, not _finds_enough(figures), missed, name
+
+    return sorted(rows, key=place)
 
 
 def _figures(document: dict[str, Any], group: str) -> list[list[str]]:
