@@ -53,7 +53,7 @@ def test_a_scene_of_ones_own_has_truth(tmp_path: Path) -> None:
 
 def test_a_method_of_ones_own_tells_a_wall_from_level_ground() -> None:
     method = method_of_file(EXAMPLES / "own_method.py")
-    answer = method.judge(flight(lambda x, y: 0.5 * (np.abs(x) < 0.1)), SMALL)
+    answer = method.judge(flight(lambda x, y: 1.0 * (np.abs(x) < 0.1)), SMALL)
     east = np.abs(SMALL.grid.centres()[0])
     assert (answer.state[(east > 1.2) & (east < 4)] == SAFE).all()
     assert (answer.state[east < 0.9] == UNSAFE).all()

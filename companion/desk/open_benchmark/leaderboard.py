@@ -29,8 +29,8 @@ STYLE = (
 TEXT = (
     "A cell is safe if the whole square footprint about it is: slope and relief of the exact surface, water"
     " and wires (ADR 39). Sorted by the share of truly unsafe cells that are called safe; methods that find"
-    f" less than {LEAST_FOUND:.0%} of the safe cells come after the others, and none of their figures is bold,"
-    " which marks the best of a column. Time: "
+    f" less than {LEAST_FOUND:.0%} of the safe cells come after the others. Bold: the best of those that find"
+    " more. Time: "
 )
 
 

@@ -187,6 +187,6 @@ def test_methods_that_find_less_than_half_come_after_the_others_and_the_referenc
     }
     methods = [{"name": name, "source": "", "groups": {"20": of}} for name, of in groups.items()]
     document = {"version": 1, "timing": "", "scenes": 1, "seconds": 1.0, "machine": "", "not_as_frozen": []}
-    rows = re.findall(r"^\| ([^|]+) \|", markdown(document | {"methods": methods}), re.M)
+    rows = re.findall(r"^\| ([^|]+) \|", markdown(document | {"methods": methods}), re.MULTILINE)
     expected = [OURS, "half", "nothing", "timid", REFERENCE.name]
     assert [row for row in rows if row in groups] == 2 * expected  # both tables
