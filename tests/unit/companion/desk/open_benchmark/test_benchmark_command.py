@@ -148,7 +148,7 @@ def test_methods_that_fail_end_with_one_line(
 def figures(missed: float, found: float, ms: float) -> dict[str, object]:
     kinds = {"pole": {"unsafe": 10, "unsafe_called_safe": missed}}
     shares = {"unsafe_called_safe": missed, "safe_is_unsafe": missed / 2, "safe_found": found, "unknown": 0.0}
-    return {**shares, "by_kind": kinds, "brier": None, "reliability": [], "ms": ms}
+    return {**shares, "by_kind": kinds, "brier": None, "reliability": [], "operating_curve": [], "ms": ms}
 
 
 def test_the_page_says_where_another_method_wins_and_not_where_one_finds_nothing() -> None:
