@@ -85,8 +85,9 @@ def thinned(flight: Flight, returns: int, rng: np.random.Generator) -> Flight:
     if returns > n:
         raise ValueError(f"the flight has {n} returns, {returns} are needed: more --point-rate, less --speed")
     keep = np.sort(rng.choice(n, returns, replace=False))
-    parts = (values[keep] for values in (flight.points_enu_m, flight.stamp_ns, flight.window))
-    return Flight(*parts, flight.sensors_enu_m)
+    return Flight(
+        flight.points_enu_m[keep], flight.stamp_ns[keep], flight.window[keep], flight.sensors_enu_m
+    )
 
 
 def write(
@@ -102,7 +103,7 @@ def write(
     judged = np.zeros(truth.safe.shape, bool)
     judged[edge:-edge, edge:-edge] = True
     rows, cols = truth.safe.shape
-    rasters = {
+    rasters: dict[str, tuple[NDArray[Any], float]] = {
         "truth.tif": (np.where(judged, truth.safe, NOT_JUDGED).astype(np.uint8)[None], NOT_JUDGED),
         "kind.tif": (np.where(judged, kinds, NO_KIND).astype(np.uint8)[None], NO_KIND),
         "truth_values.tif": (np.stack([truth.slope_deg, truth.relief_m]).astype(np.float64), math.nan),

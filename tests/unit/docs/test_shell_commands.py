@@ -82,6 +82,7 @@ LONG = (
     "tests.answers",
     "tests.mutation",
     "tests.search",
+    "sitl.benchmark_scene",
 )
 UNREAD = {
     "tests.fuzz.with_atheris": "needs atheris, which only x86-64 has",
