@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from sitl import scenes
 from sitl.scenes import Scene
+from sitl.sensors import lidars
 from sitl.sensors.mid360 import Mid360
-from sitl.sensors.pulse_lidar import Shots
+from sitl.sensors.pulse_lidar import PulseLidar, Shots
 from sitl.truth.surface_class import SurfaceClass, surface_map
 from sitl.truth.truth import safe_map
 
@@ -120,22 +121,32 @@ class PlacedScan:
     lost_origin_enu_m: F32
 
 
-def fly(scene: Scene, lines: Lines, seed: int, point_rate_hz: int = 200_000) -> Iterator[PlacedScan]:
+def fly(
+    scene: Scene, lines: Lines, seed: int, point_rate_hz: int = 200_000, lidar_name: str = "mid360"
+) -> Iterator[PlacedScan]:
     """Yield a scan per tenth of a second.
 
     Returns that the sensor marks as rain, dust or echo are dropped, as in a driver.
+
+    Raises
+    ------
+    ValueError
+        There is no such LiDAR among `lidars.PULSED`, or it cannot fire at that rate.
     """
-    lidar = Mid360(np.random.default_rng(seed), point_rate_hz=point_rate_hz)
+    lidar = lidars.build_pulsed(lidar_name, np.random.default_rng(seed), point_rate_hz)
     track = Track(scene, lines)
     n_lost = 0
     for start in range(0, int(track.duration_s * 1e9), CHUNK_NS):
         shots = lidar.shots(start, start + CHUNK_NS, track.at, scene.world)
-        good = (shots.echoes.range_m != 0) & (lidar.tags(shots) == 0)
+        good = shots.echoes.range_m != 0
+        if isinstance(lidar, Mid360):
+            good &= lidar.tags(shots) == 0
         points, stamps = lidar.points_m(shots)[good], lidar.stamps_ns(shots)[good]
         position, attitude = track.at(stamps)
         sensor = position + lidar.mount.lever_enu_m(attitude)
         last = sensor[-1] if len(sensor) else track.at(np.array([start]))[0][0]
-        lost = np.flatnonzero(shots.echoes.range_m == 0)
+        traced = lidar.is_traced(shots.index)
+        lost = np.flatnonzero((shots.echoes.range_m == 0) & (True if traced is None else traced))
         ends, origins = _lost_rays(lidar, track, shots, lost[-n_lost % THINNING :: THINNING])
         n_lost += len(lost)
         yield PlacedScan(
@@ -148,7 +159,7 @@ def fly(scene: Scene, lines: Lines, seed: int, point_rate_hz: int = 200_000) -> 
         )
 
 
-def _lost_rays(lidar: Mid360, track: Track, shots: Shots, which: I64) -> tuple[F32, F32]:
+def _lost_rays(lidar: PulseLidar, track: Track, shots: Shots, which: I64) -> tuple[F32, F32]:
     """Return ends and origins, (m, 3) each, of those pulses of a selection that point below the horizon."""
     position, attitude = track.at(lidar.stamps_ns(shots)[which])
     way = lidar.mount.to_enu(shots.unit[which], attitude)
@@ -181,7 +192,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         scene = scenes.build(options.scene, options.seed)
-        extent = _extent(options.extent, scene)
+        extent = extent_of(options.extent, scene)
         lines = Lines(extent, options.height, options.spacing, options.speed, options.climb)
         scans = list(fly(scene, lines, options.seed, options.point_rate))
     except ValueError as error:
@@ -231,7 +242,8 @@ def _surface(
     }
 
 
-def _extent(text: str | None, scene: Scene) -> tuple[float, float, float, float]:
+def extent_of(text: str | None, scene: Scene) -> tuple[float, float, float, float]:
+    """Return the extent that `--extent` names, by default the scene's own; ValueError if it is not in it."""
     if text is None:
         return scene.extent_m
     try:

@@ -32,6 +32,8 @@ DEFAULTS = {
 PERIODIC = frozenset({"mid360", "opal"})
 """LiDARs whose pulse period is a whole number of ns; the others take any rate, or have their own."""
 
+PULSED = ("mid360", "vlp16", "opal", "ouster", "os0")
+"""LiDARs of single pulses over a wide view, which can fly a survey."""
 OUSTERS = {"ouster": OS1, "os0": OS0}
 DUAL = frozenset({"vlp16", *OUSTERS})
 """LiDARs that can send two returns of a pulse."""
@@ -73,6 +75,20 @@ def open_port(
     if isinstance(to, str):
         return SerialPort(Sf45(rng), to)
     return UdpPort(_build(name, rng, point_rate_hz, dual), to)
+
+
+def build_pulsed(name: str, rng: np.random.Generator, point_rate_hz: int) -> PulseLidar:
+    """Return a downward-looking LiDAR that fires pulses by its name, without an output; one return of each.
+
+    Raises
+    ------
+    ValueError
+        The name is unknown or that of a sensor that fires none, or the rate impossible.
+    """
+    sensor = Sf45(rng) if name == "sf45" else _build(name, rng, point_rate_hz, dual=False)
+    if not isinstance(sensor, PulseLidar) or name == "sf45":
+        raise ValueError(f"LiDAR {name!r} maps no ground by pulses: there are {', '.join(PULSED)}")
+    return sensor
 
 
 def fill_air(port: LidarPort, air: str) -> None:

@@ -15,11 +15,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from companion.desk.open_benchmark.landing_task import SAFE, UNSAFE
+from companion.desk.open_benchmark.methods import method_of_file
 from companion.flight.sensors import sensor_registry
 from companion.flight.sensors.lidar_url import open_lidar
 from companion.flight.sensors.returns import Returns
 from params import Parameters
 from tests import REPOSITORY
+from tests.unit.companion.desk.open_benchmark.flights_over import SMALL, flight
 
 EXAMPLES = REPOSITORY / "docs" / "examples"
 
@@ -46,6 +49,14 @@ def test_a_scene_of_ones_own_has_truth(tmp_path: Path) -> None:
     scene: Any = runpy.run_path(str(EXAMPLES / "own_scene.py"))["build"](1)
     assert scene.world.height_m(-30.0, 20.0) == pytest.approx(3.0, abs=1.0)  # the shed's roof
     assert np.isnan(scene.world.cast(np.array([[35.0, 0, 30]]), np.array([[0, 0, -1.0]]), 90.0)[0][0])  # pond
+
+
+def test_a_method_of_ones_own_tells_a_wall_from_level_ground() -> None:
+    method = method_of_file(EXAMPLES / "own_method.py")
+    answer = method.judge(flight(lambda x, y: 1.0 * (np.abs(x) < 0.1)), SMALL)
+    east = np.abs(SMALL.grid.centres()[0])
+    assert (answer.state[(east > 1.2) & (east < 4)] == SAFE).all()
+    assert (answer.state[east < 0.9] == UNSAFE).all()
 
 
 def toy_packet(number: int, points: list[tuple[int, int, int, int]]) -> bytes:

@@ -218,6 +218,7 @@ def _judged(method: LandingMethod, returns: FlownReturns, task: LandingTask) -> 
         answer = method.judge(returns, task)
         states = np.asarray(answer.state)
         probability = None if answer.probability is None else np.asarray(answer.probability, np.float32)
+        share = None if answer.limit_share is None else np.asarray(answer.limit_share, np.float32)
     except CompanionError:
         raise
     except Exception as error:
@@ -231,7 +232,9 @@ def _judged(method: LandingMethod, returns: FlownReturns, task: LandingTask) -> 
             raise CompanionError(
                 f"method {method.name!r}: its probabilities must be {task.grid.shape} of 0 to 1"
             )
-    return SafeMap(states.astype(np.uint8), probability)
+    if share is not None and (share.shape != task.grid.shape or (share < 0).any()):
+        raise CompanionError(f"method {method.name!r}: its shares must be {task.grid.shape} of 0 and more")
+    return SafeMap(states.astype(np.uint8), probability, share)
 
 
 def names_of(methods: Sequence[LandingMethod]) -> list[dict[str, str]]:

@@ -86,11 +86,14 @@ class SafeMap:
     """Answer of a method on the task's grid.
 
     state: (rows, cols) uint8, 0 unsafe, 1 safe, 255 unknown. probability: (rows, cols) float32 that the
-    footprint is safe, NaN where unknown; None where the method gives none.
+    footprint is safe, NaN where unknown; None where the method gives none. limit_share: (rows, cols) float32
+    of a method of thresholds: the greatest share of one of its limits that a footprint takes up, safe where
+    below 1, NaN where unknown. The operating curve moves the threshold of either.
     """
 
     state: U8
     probability: F32 | None = None
+    limit_share: F32 | None = None
 
 
 class LandingMethod(Protocol):

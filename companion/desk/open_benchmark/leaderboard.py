@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.desk.open_benchmark.methods import OURS, REFERENCE
+from companion.desk.open_benchmark.safe_map_score import FOUND
 
 LEAST_FOUND = 0.5
 """Safe ground that a method must find, so that calling nothing safe does not win."""
@@ -19,6 +20,8 @@ COLUMNS = (
     ("safe_found", "safe found, %"),
     ("unknown", "unknown, %"),
 )
+CURVE_TITLE = "Unsafe called safe, %, where the threshold is moved until so much of the safe ground is found"
+CURVE_COLUMNS = ("method", *(f"{found:.0%}" for found in FOUND))
 STYLE = (
     "body{font:15px/1.5 sans-serif;max-width:75em;margin:2em auto;padding:0 1em;color:#222}"
     "table{border-collapse:collapse;margin:1em 0}td,th{border:1px solid #bbb;padding:.3em .6em}"
@@ -28,8 +31,9 @@ STYLE = (
 )
 TEXT = (
     "A cell is safe if the whole square footprint about it is: slope and relief of the exact surface, water"
-    " and wires (ADR 39). Sorted by the share of truly unsafe cells that are called safe. Bold: the best of"
-    f" the methods that find at least {LEAST_FOUND:.0%} of the safe cells. Time: "
+    " and wires (ADR 39). Sorted by the share of truly unsafe cells that are called safe; methods that find"
+    f" less than {LEAST_FOUND:.0%} of the safe cells come after the others. Bold: the best of those that find"
+    " more. Time: "
 )
 
 
@@ -64,6 +68,8 @@ def markdown(document: dict[str, Any]) -> str:
         lines += _table(
             ["method", *(title for _, title in COLUMNS), "Brier", "ms"], _figures(document, group)
         )
+        if curves := _curves(document, group):
+            lines += ["", CURVE_TITLE + ":", "", *_table(CURVE_COLUMNS, curves)]
         kinds = kinds_of(document, group)
         if kinds:
             lines += ["", "Unsafe called safe by kind of hazard, %:", ""]
@@ -129,17 +135,23 @@ def _contestants(document: dict[str, Any], group: str) -> dict[str, dict[str, An
     return {
         m["name"]: m["groups"][group]
         for m in document["methods"]
-        if group in m["groups"]
-        and m["name"] != REFERENCE.name
-        and (m["groups"][group]["safe_found"] or 0.0) >= LEAST_FOUND
+        if group in m["groups"] and m["name"] != REFERENCE.name and _finds_enough(m["groups"][group])
     }
+
+
+def _finds_enough(figures: dict[str, Any]) -> bool:
+    return (figures["safe_found"] or 0.0) >= LEAST_FOUND
 
 
 def _ordered(document: dict[str, Any], group: str) -> list[tuple[str, dict[str, Any]]]:
     rows = [(m["name"], m["groups"][group]) for m in document["methods"] if group in m["groups"]]
-    return sorted(
-        rows, key=lambda row: (row[0] == REFERENCE.name, row[1]["unsafe_called_safe"] or 0.0, row[0])
-    )
+
+    def place(row: tuple[str, dict[str, Any]]) -> tuple[bool, bool, float, str]:
+        name, figures = row
+        missed = figures["unsafe_called_safe"] or 0.0
+        return name == REFERENCE.name, not _finds_enough(figures), missed, name
+
+    return sorted(rows, key=place)
 
 
 def _figures(document: dict[str, Any], group: str) -> list[list[str]]:
@@ -159,6 +171,26 @@ def _figures(document: dict[str, Any], group: str) -> list[list[str]]:
         brier = "" if figures["brier"] is None else f"{figures['brier']:.4f}"
         rows.append([name, *cells, brier, f"{figures['ms']:.0f}"])
     return rows
+
+
+def _curves(document: dict[str, Any], group: str) -> list[list[str]]:
+    """Return unsafe called safe by methods and shares found; the least of each share is bold."""
+    curves = {
+        name: [point["unsafe_called_safe"] for point in figures["operating_curve"]]
+        for name, figures in _ordered(document, group)
+        if figures["operating_curve"]
+    }
+    least = [min((v for v in at if v is not None), default=None) for at in zip(*curves.values(), strict=True)]
+    return [
+        [
+            name,
+            *(
+                f"**{_percent(v)}**" if v is not None and v == best else _percent(v)
+                for v, best in zip(of, least, strict=True)
+            ),
+        ]
+        for name, of in curves.items()
+    ]
 
 
 def _kind_figures(document: dict[str, Any], group: str, kinds: Sequence[str]) -> list[list[str]]:
@@ -205,6 +237,8 @@ def _html(document: dict[str, Any], scenes: Sequence[dict[str, Any]]) -> str:
         parts.append(f"<h2>{html.escape(_title(group))}</h2>")
         heads = ["method", *(head for _, head in COLUMNS), "Brier", "ms"]
         parts.append(_html_table(heads, _figures(document, group)))
+        if curves := _curves(document, group):
+            parts.append(f"<h3>{CURVE_TITLE}</h3>{_html_table(CURVE_COLUMNS, curves)}")
         if kinds := kinds_of(document, group):
             parts.append("<h3>Unsafe called safe by kind of hazard, %</h3>")
             parts.append(_html_table(["method", *kinds], _kind_figures(document, group, kinds)))

@@ -83,6 +83,7 @@ LONG = (
     "tests.mutation",
     "tests.search",
     "tests.opinion",
+    "sitl.benchmark_scene",
 )
 UNREAD = {
     "tests.fuzz.with_atheris": "needs atheris, which only x86-64 has",

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, maximum_filter, uniform_filter
 
 from companion.desk.open_benchmark.landing_task import (
+    F32,
     F64,
     SAFE,
     U8,
@@ -135,6 +136,21 @@ def footprint_state(safe: Mask, unsafe: Mask, reach: int) -> U8:
     bad = maximum_filter(unsafe, size, mode="constant", cval=False)
     doubt = maximum_filter(~(safe | unsafe), size, mode="constant", cval=True)
     return np.where(bad, UNSAFE, np.where(doubt, UNKNOWN, SAFE)).astype(np.uint8)
+
+
+def footprint_most(share: F64, reach: int) -> F64:
+    """Return the greatest value of the cells of each footprint; NaN where one of them is NaN or outside."""
+    known = np.where(np.isfinite(share), share, np.inf)
+    most = maximum_filter(known, 2 * reach + 1, mode="constant", cval=np.inf)
+    return np.where(np.isfinite(most), most, np.nan)
+
+
+def values_on_task_grid(values: F64, grid: CellGrid, task: LandingTask) -> F32:
+    """Return values of another grid at the centres of the task's cells; NaN outside it."""
+    row, col, inside = grid.index(*task.grid.centres())
+    out = np.full(task.grid.shape, np.nan, np.float32)
+    out[inside] = values[row[inside], col[inside]]
+    return out
 
 
 def on_task_grid(state: U8, grid: CellGrid, task: LandingTask) -> U8:

@@ -11,9 +11,11 @@ from companion.desk.open_benchmark.methods.elevation_grid import (
     around,
     cell_statistics,
     fill_gaps,
+    footprint_most,
     footprint_reach,
     footprint_state,
     on_task_grid,
+    values_on_task_grid,
 )
 from companion.desk.open_benchmark.methods.outlier_removal import without_outliers
 
@@ -47,10 +49,10 @@ class GradientThreshold:
         east = (z[..., 2] - z[..., 0]) @ weights / (8 * grid.cell_m)
         north = (z[..., 2, :] - z[..., 0, :]) @ weights / (8 * grid.cell_m)
         slope = np.degrees(np.arctan(np.hypot(east, north)))
-        safe = footprint_state(
-            slope <= task.slope_limit_deg, slope > task.slope_limit_deg, footprint_reach(task, grid.cell_m)
-        )
-        return SafeMap(on_task_grid(safe, grid, task))
+        reach = footprint_reach(task, grid.cell_m)
+        safe = footprint_state(slope <= task.slope_limit_deg, slope > task.slope_limit_deg, reach)
+        most = footprint_most(slope / task.slope_limit_deg, reach)
+        return SafeMap(on_task_grid(safe, grid, task), limit_share=values_on_task_grid(most, grid, task))
 
 
 METHOD = GradientThreshold()

@@ -47,7 +47,11 @@ class PlaneThreshold:
         slope = np.degrees(np.arctan(np.hypot(gx, gy)))
         safe = (slope <= task.slope_limit_deg) & (relief <= task.relief_limit_m)
         known = (count >= self.least) & np.isfinite(slope)
-        return SafeMap(np.where(known, np.where(safe, SAFE, UNSAFE), UNKNOWN).astype(np.uint8))
+        share = np.maximum(slope / task.slope_limit_deg, relief / task.relief_limit_m)
+        return SafeMap(
+            np.where(known, np.where(safe, SAFE, UNSAFE), UNKNOWN).astype(np.uint8),
+            limit_share=np.where(known, share, np.nan).astype(np.float32),
+        )
 
 
 METHOD = PlaneThreshold()

@@ -12,6 +12,7 @@ from companion.desk.open_benchmark.methods.elevation_grid import (
     around,
     cell_statistics,
     fill_gaps,
+    footprint_most,
     footprint_reach,
     footprint_state,
 )
@@ -48,7 +49,10 @@ class Traversability:
         known = np.isfinite(slope) & np.isfinite(step)
         bad = (slope >= task.slope_limit_deg) | (rough >= self.roughness_m) | (step >= task.relief_limit_m)
         reach = footprint_reach(task, task.grid.cell_m)
-        return SafeMap(footprint_state(known & ~bad, known & bad, reach))
+        shares = (slope / task.slope_limit_deg, rough / self.roughness_m, step / task.relief_limit_m)
+        most = footprint_most(np.maximum.reduce(shares), reach)
+        state = footprint_state(known & ~bad, known & bad, reach)
+        return SafeMap(state, limit_share=most.astype(np.float32))
 
     def _step(self, height: F64, critical_m: float) -> F64:
         near, inside = _disc(height, self.step_radius_cells)

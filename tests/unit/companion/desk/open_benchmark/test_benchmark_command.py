@@ -148,7 +148,7 @@ def test_methods_that_fail_end_with_one_line(
 def figures(missed: float, found: float, ms: float) -> dict[str, object]:
     kinds = {"pole": {"unsafe": 10, "unsafe_called_safe": missed}}
     shares = {"unsafe_called_safe": missed, "safe_is_unsafe": missed / 2, "safe_found": found, "unknown": 0.0}
-    return {**shares, "by_kind": kinds, "brier": None, "reliability": [], "ms": ms}
+    return {**shares, "by_kind": kinds, "brier": None, "reliability": [], "operating_curve": [], "ms": ms}
 
 
 def test_the_page_says_where_another_method_wins_and_not_where_one_finds_nothing() -> None:
@@ -175,3 +175,18 @@ def test_the_page_says_where_another_method_wins_and_not_where_one_finds_nothing
     assert "| timid | 0.00 |" in page
     assert "| other | **2.00** |" in page
     assert "Not as frozen on this machine: yard." in page
+
+
+def test_methods_that_find_less_than_half_come_after_the_others_and_the_reference_last() -> None:
+    groups = {
+        REFERENCE.name: figures(0.9, 1.0, 1.0),
+        "nothing": figures(0.0, 0.0, 1.0),
+        "timid": figures(0.01, 0.499, 1.0),
+        OURS: figures(0.05, 0.9, 100.0),
+        "half": figures(0.06, 0.5, 20.0),
+    }
+    methods = [{"name": name, "source": "", "groups": {"20": of}} for name, of in groups.items()]
+    document = {"version": 1, "timing": "", "scenes": 1, "seconds": 1.0, "machine": "", "not_as_frozen": []}
+    rows = re.findall(r"^\| ([^|]+) \|", markdown(document | {"methods": methods}), re.MULTILINE)
+    expected = [OURS, "half", "nothing", "timid", REFERENCE.name]
+    assert [row for row in rows if row in groups] == 2 * expected  # both tables

@@ -55,6 +55,17 @@ def test_ground_that_nothing_returned_from_is_not_safe(method: LandingMethod) ->
     assert not (method.judge(west, SMALL).state[:, 35:] == SAFE).any()
 
 
+def test_shares_of_limits_say_what_the_maps_say() -> None:
+    returns = flight(lambda x, y: 0.12 * np.maximum(x, 0) + 0.5 * (np.hypot(x + 2, y) < 0.4))
+    told = [answer for method in METHODS if (answer := method.judge(returns, SMALL)).limit_share is not None]
+    assert len(told) == 3
+    for answer in told:
+        share = answer.limit_share
+        assert share is not None
+        assert 0 < (answer.state == SAFE).sum() < SMALL.grid.rows * SMALL.grid.cols
+        assert np.array_equal(answer.state == SAFE, share < 1)
+
+
 def test_the_reference_calls_all_seen_ground_safe() -> None:
     answer = REFERENCE.judge(flight(lambda x, y: 3 * x), SMALL)
     assert (answer.state == SAFE).mean() > 0.99

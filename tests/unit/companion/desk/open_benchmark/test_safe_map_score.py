@@ -69,3 +69,37 @@ def test_unknown_is_never_called_safe() -> None:
     truth = case_of(np.array([[0, 0], [1, 1]], np.uint8)).truth
     figures = score(SafeMap(np.full((2, 2), 255, np.uint8)), truth).figures()
     assert (figures["unsafe_called_safe"], figures["safe_found"], figures["unknown"]) == (0.0, 0.0, 1.0)
+
+
+def curve(answer: SafeMap, safe: np.ndarray) -> list[float | None]:
+    return [
+        at["unsafe_called_safe"] for at in score(answer, case_of(safe).truth).figures()["operating_curve"]
+    ]
+
+
+SURE = np.array([[0.95, 0.9, 0.85, 0.7, 0.55, 0.5, 0.3, 0.2, 0.15, 0.1]], np.float32)  # ten safe cells
+DOUBT = np.array([[0.92, 0.52, 0.25, np.nan]], np.float32)  # four unsafe ones
+
+
+def test_the_operating_curve_moves_the_threshold_to_a_share_of_safe_cells() -> None:
+    safe = np.array([[1] * 10 + [0] * 4], np.uint8)
+    told = np.hstack([SURE, DOUBT])
+    state = np.zeros(safe.shape, np.uint8)  # what the method calls safe does not count here
+    assert curve(SafeMap(state, told), safe) == [0.25, 0.5, 0.5, 0.75, 0.75]
+    assert curve(SafeMap(state, limit_share=1 / told - 1), safe) == [0.25, 0.5, 0.5, 0.75, 0.75]
+    assert curve(SafeMap(state), safe) == []
+
+
+def test_the_operating_curve_ends_where_the_method_knows_no_more_safe_cells() -> None:
+    safe = np.array([[1] * 10 + [0] * 4], np.uint8)
+    told = np.hstack([SURE, DOUBT])
+    told[0, 7:10] = np.nan
+    state = np.ones(safe.shape, np.uint8)
+    state[0, 6] = 255  # unknown, whatever its probability
+    assert curve(SafeMap(state, told), safe) == [0.25, 0.5, None, None, None]
+
+
+def test_cells_that_are_told_alike_count_in_part() -> None:
+    safe = np.array([[1] * 10 + [0] * 4], np.uint8)
+    told = np.full(safe.shape, 0.7, np.float32)
+    assert curve(SafeMap(safe, told), safe) == pytest.approx([0.5, 0.6, 0.7, 0.8, 0.9])
