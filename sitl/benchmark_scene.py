@@ -85,9 +85,7 @@ def thinned(flight: Flight, returns: int, rng: np.random.Generator) -> Flight:
     if returns > n:
         raise ValueError(f"the flight has {n} returns, {returns} are needed: more --point-rate, less --speed")
     keep = np.sort(rng.choice(n, returns, replace=False))
-    return Flight(
-        flight.points_enu_m[keep], flight.stamp_ns[keep], flight.window[keep], flight.sensors_enu_m
-    )
+    return Flight(flight.points_enu_m[keep], flight.stamp_ns[keep], flight.window[keep], flight.sensors_enu_m)
 
 
 def write(
