@@ -1,4 +1,4 @@
-"""What makes ground unsafe: the kind of thing that stands highest in each footprint, for evaluation."""
+"""Kinds of unsafe ground: what stands highest in each footprint, for evaluation."""
 
 from __future__ import annotations
 
