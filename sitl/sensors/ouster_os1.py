@@ -26,7 +26,7 @@ I64 = NDArray[np.int64]
 
 ROWS, COLUMNS, FRAME_NS = 32, 512, 100_000_000
 REACH = Reach(blind_m=0.3, most_m=120.0, at_10_percent_m=45.0, at_80_percent_m=100.0)
-NOISE = Noise(range_sigma_m=0.015, angle_sigma_deg=0.02, intensity_sigma=0.17, row_sigma_m=0.005)
+NOISE = Noise(range_sigma_m=0.015, angle_sigma_deg=0.02, tail=0.012, intensity_sigma=0.17, row_sigma_m=0.005)
 
 
 @dataclass(frozen=True, slots=True)

@@ -200,7 +200,7 @@ def test_dark_ground_is_lost_beyond_its_range(height_m: float, visible: bool) ->
 
 def test_errors_have_the_size_the_data_sheet_gives() -> None:
     world = flat_world()
-    noisy = Noise(range_sigma_m=0.02, angle_sigma_deg=0.0, dropout=0.1, ghost=0.0, dust=0.0, tail=0.0)
+    noisy = Noise(range_sigma_m=0.02, angle_sigma_deg=0.0, dropout=0.1, ghost=0.0, dust=0.0)
     exact, _, _ = decode(lidar().scan(0, 100 * MS, hover(), world))
     points, _, _ = decode(lidar(noise=noisy).scan(0, 100 * MS, hover(), world))
     was, now = np.linalg.norm(exact, axis=1), np.linalg.norm(points, axis=1)
