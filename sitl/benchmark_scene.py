@@ -80,14 +80,12 @@ def flight_of(scans: Sequence[PlacedScan], extent: Extent) -> Flight:
 
 
 def thinned(flight: Flight, returns: int, rng: np.random.Generator) -> Flight:
-    """Return a flight of so many returns, chosen at random; ValueError if it has fewer."""
+    """Return a flight with a number of its returns, chosen at random; ValueError if it has fewer."""
     n = len(flight.stamp_ns)
     if returns > n:
         raise ValueError(f"the flight has {n} returns, {returns} are needed: more --point-rate, less --speed")
     keep = np.sort(rng.choice(n, returns, replace=False))
-    return Flight(
-        flight.points_enu_m[keep], flight.stamp_ns[keep], flight.window[keep], flight.sensors_enu_m
-    )
+    return Flight(flight.points_enu_m[keep], flight.stamp_ns[keep], flight.window[keep], flight.sensors_enu_m)
 
 
 def write(

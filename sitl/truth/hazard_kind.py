@@ -1,4 +1,4 @@
-"""What makes ground unsafe: the kind of thing that stands highest in each footprint, for evaluation."""
+"""Kinds of hazard: what stands highest in each unsafe footprint of the exact world, for evaluation."""
 
 from __future__ import annotations
 
