@@ -80,7 +80,7 @@ def flight_of(scans: Sequence[PlacedScan], extent: Extent) -> Flight:
 
 
 def thinned(flight: Flight, returns: int, rng: np.random.Generator) -> Flight:
-    """Return a flight of so many returns, chosen at random; ValueError if it has fewer."""
+    """Return a flight with a number of its returns, chosen at random; ValueError if it has fewer."""
     n = len(flight.stamp_ns)
     if returns > n:
         raise ValueError(f"the flight has {n} returns, {returns} are needed: more --point-rate, less --speed")

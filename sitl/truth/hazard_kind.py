@@ -1,4 +1,4 @@
-"""Kinds of unsafe ground: what stands highest in each footprint, for evaluation."""
+"""Kinds of hazard: what stands highest in each unsafe footprint of the exact world, for evaluation."""
 
 from __future__ import annotations
 
