@@ -2,7 +2,7 @@
 
 Edges are accurate to a cell and `SCATTER_M`: a ray's direction is known to 0.15 degrees, and three standard
 deviations of it are 0.2 m at the 26 m from which the far edges are seen. Heights are those of the exact
-world.
+world; of a beam whose lower half alone meets an edge the return is placed in the beam's middle, above it.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from slz import Grid, Obstacle, Pipeline, PointState, SelectedPoint, Window
 
 SCATTER_M = 0.2
 HEIGHT_M = 0.1
+HALF_BEAM_M = 26.0 * np.radians(0.28) / 2
 OPEN, BUILDINGS, STADIUM = PLACES
 
 Seen = Callable[[str, str], ObservedPoint]
@@ -75,7 +76,7 @@ def test_both_buildings_are_listed_with_their_edges(seen: Seen, mode: str, regio
 @pytest.mark.parametrize("region", ["building_west", "building_east"])
 def test_the_buildings_heights_are_right(seen: Seen, region: str) -> None:
     obstacle, _, height_m = beside(seen(BUILDINGS.name, "default"), region)
-    assert obstacle.height_m == pytest.approx(height_m, abs=HEIGHT_M)
+    assert -HEIGHT_M < obstacle.height_m - height_m < HEIGHT_M + HALF_BEAM_M
 
 
 @pytest.mark.parametrize("region", ["building_west", "building_east"])
