@@ -33,10 +33,11 @@ kernels: setup
 setup: $(TOOLS)
 
 $(PROGRAM): pyproject.toml constraints.txt
+	@command -v $(PYTHON) > /dev/null || { echo "there is no $(PYTHON): sudo apt install python3-venv, or run 'make PYTHON=/path/to/python3.11'"; exit 2; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "Python 3.11 or newer is needed: run 'make PYTHON=/path/to/python3.11'"; exit 2; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "$(PYTHON) cannot make a virtual environment: install its venv module (Debian: sudo apt install $(notdir $(PYTHON))-venv)"; exit 2; }
 	$(PYTHON) -m venv $(VENV)
-	$(INSTALL) --editable '.[all]'
+	$(INSTALL) --editable '.[all]' || { echo "the packages could not be installed (see above): is there a network, a proxy, space here and in $${TMPDIR:-/tmp}? Then run it again"; exit 1; }
 	@touch $@
 
 $(TOOLS): $(PROGRAM)

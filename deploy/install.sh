@@ -11,15 +11,19 @@ here=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 root=""
 case "${1:-}" in
     "") [ "$(id -u)" = 0 ] || { echo "install.sh: run it as root: sudo deploy/install.sh" >&2; exit 2; } ;;
-    --root) root=${2:?"install.sh: --root needs a folder"} ;;
+    --root) root=${2:-}; [ -n "$root" ] || { echo "install.sh: --root needs a folder" >&2; exit 2; } ;;
     *) echo "install.sh: $1 is not known: write no argument, or --root DIR" >&2; exit 2 ;;
 esac
 
 python=${PYTHON:-python3}
 enough='import sys; sys.exit(sys.version_info < (3, 11))'
-if [ -z "$root" ] && ! "$python" -c "$enough"; then
-    echo "install.sh: $python is older than 3.11: install a newer one and name it: sudo PYTHON=python3.11 $0" >&2
-    exit 2
+if [ -z "$root" ]; then
+    command -v "$python" > /dev/null \
+        || { echo "install.sh: there is no $python: sudo apt install python3-venv, or name one: sudo PYTHON=python3.11 $0" >&2; exit 2; }
+    "$python" -c "$enough" \
+        || { echo "install.sh: $python is older than 3.11: install a newer one and name it: sudo PYTHON=python3.11 $0" >&2; exit 2; }
+    "$python" -c 'import ensurepip, venv' 2> /dev/null \
+        || { echo "install.sh: $python cannot make a virtual environment: sudo apt install $(basename "$python")-venv" >&2; exit 2; }
 fi
 
 put() {  # put MODE SOURCE TARGET
@@ -52,14 +56,20 @@ for part in companion slz params sitl docs pyproject.toml constraints.txt README
     rm -rf "/opt/slz/$part"
     cp -r "$here/$part" "/opt/slz/$part"
 done
-if ! /opt/slz/.venv/bin/python -c "$enough" 2> /dev/null; then
+if ! /opt/slz/.venv/bin/python -c "import pip; $enough" 2> /dev/null; then
     rm -rf /opt/slz/.venv
     "$python" -m venv /opt/slz/.venv
 fi
 rm -rf /opt/slz/build /opt/slz/slz.egg-info  # of the last version: a module deleted since would be installed again
-/opt/slz/.venv/bin/python -m pip install --quiet --constraint /opt/slz/constraints.txt "/opt/slz[${EXTRAS:-page,record}]"
+echo "installing packages, about 150 MB"
+/opt/slz/.venv/bin/python -m pip install --quiet --constraint /opt/slz/constraints.txt "/opt/slz[${EXTRAS:-page,record}]" || {
+    echo "install.sh: the packages could not be installed (see above): is there a network, a proxy, space in / and ${TMPDIR:-/tmp}? Then run it again" >&2
+    exit 1
+}
+ln -sf /opt/slz/.venv/bin/slz /usr/local/bin/slz
 # The kernels are compiled now, by the service's own user, so that the first flight does not wait for them.
 install -d -o slz -g slz -m 0700 /var/cache/slz /var/lib/slz
+echo "compiling the kernels, some minutes"
 cd /  # not the checkout: Python looks for modules where it stands
 runuser -u slz -- env NUMBA_CACHE_DIR=/var/cache/slz /opt/slz/.venv/bin/python -c \
     'from companion.runtime.kernel_compilation import everything; everything()'

@@ -55,5 +55,5 @@ class Pace:
             self._start_s += late_s / self._pace
             if not self._slipped:
                 self._slipped = True
-                self._say("too slow for real time: the simulated clocks fall behind")
+                self._say("too slow for real time: the simulated clocks fall behind; stop other programs, or lower --point-rate")
         return now_ns

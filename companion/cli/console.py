@@ -32,11 +32,11 @@ def stdout_console() -> Console:
 
 
 def compile_at_first(mode: str = "default") -> None:
-    """Compile missing kernels and explain why that takes a minute."""
+    """Compile missing kernels and explain why that takes minutes."""
     also = kernel_compilation.of_mode(mode)
     if not kernel_compilation.is_first(also):
         return
-    err.print("first start: compiling the kernels for this computer, about a minute", highlight=False)
+    err.print("first start: compiling the kernels for this computer, a few minutes, once", highlight=False)
     columns = TextColumn("kernels"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as shown:
         task = shown.add_task("")

@@ -80,6 +80,10 @@ def main() -> None:
             if (found := extras.extra_of(error)) is None:
                 raise
             _fail(extras.explain(" ".join(["slz", *asked[:1]]), *found), 2)
+        except RuntimeError as error:
+            if "no locator available" not in str(error):  # Numba's: neither the sources nor the home take files
+                raise
+            _fail("no folder takes the compiled kernels: set NUMBA_CACHE_DIR to one that can be written", 2)
 
 
 def _in_words(error: Exception) -> str:

@@ -94,7 +94,7 @@ class Examination:
                     part.cancel()
         except BaseExceptionGroup as errors:
             raise errors.exceptions[0] from None
-        log.info("measuring this computer; the first time this compiles for a minute")
+        log.info("measuring this computer; the first time this compiles for some minutes")
         # Last, because it loads the CPU.
         return [*findings, *machine_findings(self.parameters, self.late_ms)]
 
