@@ -46,7 +46,7 @@ def follow_rays(
         o = origins[origin[i]]
         x, y, z = points[i, 0] - o[0], points[i, 1] - o[1], points[i, 2] - o[2]
         length = np.sqrt(x * x + y * y + z * z)
-        if not length > SHORT_M:  # NaN too
+        if not SHORT_M < length < np.inf:  # NaN neither; what a processor makes an integer of it differs
             continue
         steps = int(min(length, SIDE * voxel) / (STEP * voxel)) + 1
         ground = int(np.floor(points[i, 2] / voxel))
