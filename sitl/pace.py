@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 
 LONGEST_SLEEP_S = 0.1
+SLOW = "too slow for real time: the simulated clocks fall behind; stop other programs or lower --point-rate"
 SLIP_S = 2.0  # simulated lag behind the pace beyond which the lost time is not caught up
 
 
@@ -55,5 +56,5 @@ class Pace:
             self._start_s += late_s / self._pace
             if not self._slipped:
                 self._slipped = True
-                self._say("too slow for real time: the simulated clocks fall behind; stop other programs, or lower --point-rate")
+                self._say(SLOW)
         return now_ns

@@ -81,7 +81,7 @@ def main() -> None:
                 raise
             _fail(extras.explain(" ".join(["slz", *asked[:1]]), *found), 2)
         except RuntimeError as error:
-            if "no locator available" not in str(error):  # Numba's: neither the sources nor the home take files
+            if "no locator available" not in str(error):  # Numba's: folders are read-only
                 raise
             _fail("no folder takes the compiled kernels: set NUMBA_CACHE_DIR to one that can be written", 2)
 

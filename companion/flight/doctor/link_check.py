@@ -51,7 +51,7 @@ def _silence(url: str, statistics: LinkStatistics) -> Finding:
     elif statistics.opened:
         remedy = "nothing arrives: check cable, port and the autopilot's SERIALn_PROTOCOL (2) or MAV_n_CONFIG"
     elif url.startswith("/dev/"):
-        remedy = "the port cannot be opened: look what there is by ls /dev/autopilot* /dev/ttyUSB* /dev/ttyACM*"
+        remedy = "the port cannot be opened: see ls /dev/autopilot* /dev/ttyUSB* /dev/ttyACM*"
     else:
         remedy = "the port cannot be opened: check that the autopilot or its simulator runs and listens there"
     return Finding("autopilot", "fail", f"no heartbeat at {url}", "a heartbeat a second", remedy)

@@ -59,6 +59,14 @@ def refusal(capfd: Capture, *words: str) -> str:
 # ---- any command ---------------------------------------------------------------------------------------
 
 
+def test_kernels_that_no_folder_takes_are_one_line(monkeypatch: pytest.MonkeyPatch, capfd: Capture) -> None:
+    def demo(*_: object, **__: object) -> int:
+        raise RuntimeError("cannot cache function 'minimum': no locator available for file 'minimum.py'")
+
+    monkeypatch.setattr(program, "app", demo)
+    assert "set NUMBA_CACHE_DIR" in refusal(capfd, "demo")
+
+
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [
