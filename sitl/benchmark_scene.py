@@ -36,7 +36,7 @@ ORIGIN = (47.0, 8.0, 400.0)
 NOT_JUDGED = 255
 EDGE_M = 2.0
 """Ground along the edge that is seen from one side alone, and not judged; a footprint at least."""
-SIDE_M = 60.0
+SIDE_M = 40.0
 """Side of the part that is flown over if none is named, about the scene's start."""
 WINDOW_NS = 1_000_000_000
 RESOLUTION_M = 0.001
@@ -183,10 +183,12 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--lidar", default="mid360", help=", ".join(lidars.PULSED))
     parser.add_argument("--extent", metavar="X0,Y0,X1,Y1", help=f"metres; default: {SIDE_M:.0f} m about home")
-    parser.add_argument("--height", type=float, default=25.0, help="m above the highest thing below")
-    parser.add_argument("--spacing", type=float, default=15.0, help="m between lines")
-    parser.add_argument("--speed", type=float, default=5.0, help="m/s")
-    parser.add_argument("--point-rate", type=int, default=40_000, help="pulses per second that are simulated")
+    parser.add_argument("--height", type=float, default=20.0, help="m above the highest thing below")
+    parser.add_argument("--spacing", type=float, default=20.0, help="m between lines")
+    parser.add_argument("--speed", type=float, default=12.0, help="m/s")
+    parser.add_argument(
+        "--point-rate", type=int, default=200_000, help="pulses per second that are simulated"
+    )
     parser.add_argument("--density", type=int, action="append", help="returns per m², often (20 and 100)")
     parser.add_argument("--cell", type=float, default=usual.cell_m, help="m")
     parser.add_argument("--footprint", type=float, default=usual.footprint_m, help="m")

@@ -73,7 +73,7 @@ def test_flights_hold_what_the_lidar_saw_at_their_density(folder: Path) -> None:
         assert np.array_equal(flight.window, np.floor(flight.stamp_s).astype(int) - int(flight.stamp_s[0]))
         surface, _ = scene.world.surface(*flight.points_m[:, :2].T)
         assert np.median(np.abs(flight.points_m[:, 2] - surface)) < 0.03
-        assert (flight.sensors_m[:, 2] > 24.0).all()
+        assert (flight.sensors_m[:, 2] > 19.0).all()
 
 
 def test_the_benchmark_judges_it(

@@ -7,7 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.desk.open_benchmark.landing_task import SAFE, UNKNOWN, FlownReturns, LandingMethod
+from companion.desk.open_benchmark.landing_task import (
+    SAFE,
+    UNKNOWN,
+    CellGrid,
+    FlownReturns,
+    LandingMethod,
+    LandingTask,
+)
 from companion.desk.open_benchmark.methods import METHODS, REFERENCE, method_of_file
 from companion.runtime.errors import UsageError
 from tests.unit.companion.desk.open_benchmark.flights_over import SMALL, flight
@@ -53,6 +60,21 @@ def test_ground_that_nothing_returned_from_is_not_safe(method: LandingMethod) ->
         returns.points_m[seen], returns.stamp_s[seen], returns.window[seen], returns.sensors_m
     )
     assert not (method.judge(west, SMALL).state[:, 35:] == SAFE).any()
+
+
+def test_a_flight_over_more_than_one_map_is_judged_as_a_whole() -> None:
+    returns = flight(lambda x, y: 0.05 * x, half_m=20.0)
+    window = np.clip((returns.points_m[:, 0] + 20) // 8, 0, 4).astype(np.int64)
+    order = np.argsort(window, kind="stable")
+    sensors = np.column_stack([np.linspace(-16, 16, 5), np.zeros(5), np.full(5, 20.0)])
+    flown = FlownReturns(returns.points_m[order], np.linspace(0, 4.9, len(order)), window[order], sensors)
+    strip = LandingTask(CellGrid(-20.0, -5.0, 0.2, 50, 200))
+    state = method_named("slz (this project)").judge(flown, strip).state
+    assert (state[:, 10:-10] == SAFE).mean() > 0.9
+
+
+def method_named(name: str) -> LandingMethod:
+    return next(method for method in METHODS if method.name == name)
 
 
 def test_shares_of_limits_say_what_the_maps_say() -> None:
