@@ -3,20 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import logging
-from collections.abc import Callable
 
 from companion.flight.landing.situation import Severity
+from companion.flight.outputs.announcers.announcement import Say, announce
 from companion.flight.sensors.diagnosis.lidar_diagnosis import Episode, LidarDiagnosis
-from companion.runtime.clock import now_ns
 
-log = logging.getLogger(__name__)
-
-STEP_S = 0.25
 AGAIN_NS = 60_000_000_000  # the same cause is not told again sooner
 LONGEST = 50
-
-Say = Callable[[str, int], None]
 
 
 class LidarAnnouncer:
@@ -37,12 +30,9 @@ class LidarAnnouncer:
 
     async def run(self) -> None:
         """Tell what changes, until cancelled."""
-        while self._diagnosis is not None:
-            for severity, text in self.update(now_ns()):
-                log.warning(text)
-                self._say(text, severity.value)
-            await asyncio.sleep(STEP_S)
-        await asyncio.get_running_loop().create_future()
+        if self._diagnosis is None:
+            await asyncio.get_running_loop().create_future()
+        await announce(self.update, self._say)
 
     def update(self, at_ns: int) -> list[tuple[Severity, str]]:
         """Return severity and text of each cause that is new, and of each that is over."""

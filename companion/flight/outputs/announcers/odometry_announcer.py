@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 import asyncio
-import logging
-from collections.abc import Callable
 from typing import Protocol
 
 from companion.flight.fusion.external_odometry.external_odometry import SILENT
 from companion.flight.fusion.external_odometry.external_pose import Drop
 from companion.flight.fusion.external_odometry.frame_alignment import NEEDS_WAY
 from companion.flight.landing.situation import Severity
-from companion.runtime.clock import now_ns
+from companion.flight.outputs.announcers.announcement import Say, announce
 
-log = logging.getLogger(__name__)
-
-STEP_S = 0.25
 LASTS_NS = 1_000_000_000  # before the end of it is told
 AGAIN_NS = 60_000_000_000  # the same text is not told again sooner
-
-Say = Callable[[str, int], None]
 # Not used yet, and nothing is wrong.
 WAITS = frozenset({NEEDS_WAY, Drop.WITHOUT_POSE.words})
 
@@ -53,12 +46,9 @@ class OdometryAnnouncer:
 
     async def run(self) -> None:
         """Tell what changes, until cancelled."""
-        while self._odometry is not None:
-            for severity, text in self.update(now_ns()):
-                log.warning(text)
-                self._say(text, severity.value)
-            await asyncio.sleep(STEP_S)
-        await asyncio.get_running_loop().create_future()
+        if self._odometry is None:
+            await asyncio.get_running_loop().create_future()
+        await announce(self.update, self._say)
 
     def update(self, at_ns: int) -> list[tuple[Severity, str]]:
         """Return severity and text of each change."""
