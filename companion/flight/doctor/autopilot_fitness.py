@@ -57,6 +57,7 @@ class Fitness:
         self._before: tuple[tuple[object, ...], tuple[bool, ...]] | None = None
         self._firmware: tuple[object, ...] | None = None
         self._had: set[str] = set()  # names that this firmware has
+        self._lacking: set[str] = set()  # names for which it did not answer
         self._reported: tuple[tuple[str, str], ...] = ()
         self._texts: list[tuple[Severity, str]] = []
         self.faults: tuple[Finding, ...] = ()
@@ -87,14 +88,23 @@ class Fitness:
         }
 
     def _critical(self) -> list[str]:
-        """Return the names of critical parameters that are wrong, or unread though every version has them."""
+        """Return the names of critical parameters that are wrong or unread.
+
+        One that some versions lack counts as unread until the autopilot has not answered for it.
+        """
         values = self.values
         return [
             row.name
             for row in self._rows
             if row.critical
-            and (not row.accepts(values[row.name]) if row.name in values else not row.optional)
+            and (not row.accepts(values[row.name]) if row.name in values else not self._lacks(row))
         ]
+
+    def _lacks(self, row: Required) -> bool:
+        """Return whether this version is taken to be without a parameter."""
+        if not row.optional or self._reader is None:
+            return False
+        return row.name in self._lacking or self._reader.is_unanswered(row.name)
 
     # ---- events ---------------------------------------------------------------------------------
 
@@ -108,7 +118,7 @@ class Fitness:
         if self._reader is None or vehicle.sysid is None or not connected:
             return []
         due = self._reader.due(vehicle.sysid, now)
-        if not self._read and self._reader.settled:
+        if not self._read and self._reader.settled and not self._awaited():
             self._read, self._ended_ns = True, now
             self._read_once = True
             self._judge()
@@ -160,15 +170,27 @@ class Fitness:
 
     def _begin(self, vehicle: VehicleState) -> None:
         firmware = vehicle.autopilot, vehicle.sysid, vehicle.reboots
-        self._had = self._had | set(self.values) if firmware == self._firmware else set()
+        if firmware != self._firmware:
+            self._had, self._lacking = set(), set()
+        elif self._reader is not None:
+            self._had |= set(self.values)
+            self._lacking |= {row.name for row in self._rows if self._reader.is_unanswered(row.name)}
+            self._lacking -= self._had
         self._firmware = firmware
         rows = (
             replace(row, optional=row.optional and row.name not in self._had)
             for row in required(vehicle.autopilot, self._odometry())
         )
-        self._rows = tuple(sorted(rows, key=lambda row: row.optional))
+        self._rows = tuple(sorted(rows, key=lambda row: (row.optional, not row.critical)))
         self._reader = ParameterReader(self._rows, vehicle.autopilot)
         self._read = False
+
+    def _awaited(self) -> bool:
+        """Return whether an answer for a critical parameter that some versions lack may still come."""
+        return any(
+            row.critical and row.optional and row.name not in self.values and not self._lacks(row)
+            for row in self._rows
+        )
 
     def _unread(self) -> bool:
         return any(row.critical and not row.optional and row.name not in self.values for row in self._rows)

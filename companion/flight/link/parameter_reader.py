@@ -45,17 +45,20 @@ class ParameterReader:
     @property
     def done(self) -> bool:
         """Whether every parameter is known or was requested often enough."""
-        return all(self.knows(row.name) or self._tries(row.name) > TRIES for row in self._rows)
+        return all(self._is_over(row) for row in self._rows)
 
     @property
     def settled(self) -> bool:
         """Whether `done` holds without the optional parameters, which some versions lack and never answer."""
-        rows = (row for row in self._rows if not row.optional)
-        return all(self.knows(row.name) or self._tries(row.name) > TRIES for row in rows)
+        return all(self._is_over(row) for row in self._rows if not row.optional)
 
     def knows(self, name: str) -> bool:
         """Return whether the autopilot has answered for a parameter."""
         return name in self.values or name in self.absent
+
+    def is_unanswered(self, name: str) -> bool:
+        """Return whether the autopilot has no such parameter, or has not answered any request for it."""
+        return name in self.absent or (name not in self.values and self._tries(name) > TRIES)
 
     def due(self, system: int, now_ns: int) -> list[Any]:
         """Return the requests to send now."""
@@ -87,6 +90,9 @@ class ParameterReader:
         if math.isfinite(value):
             self.values[name] = value
             self.absent.discard(name)
+
+    def _is_over(self, row: Required) -> bool:
+        return self.knows(row.name) or self.is_unanswered(row.name)
 
     def _tries(self, name: str) -> int:
         return self._asked.get(name, (0, 0))[0]

@@ -17,6 +17,7 @@ from companion.flight.link.vehicle_state import VehicleState
 from params import required
 
 MS, S = 1_000_000, 1_000_000_000
+OF_4_6 = {"LAND_SPEED", "LAND_ALT_LOW"}  # of ArduCopter; 4.7 has others instead
 GUIDED = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}
 
 
@@ -30,7 +31,8 @@ class Script:
         self.fitness = Fitness(auto, lambda: self.odometry)
         self.vehicle = VehicleState(sysid=1, autopilot=autopilot, mode="LOITER")
         rows = required(autopilot, odometry)
-        self.values = {row.name: row.value for row in rows if not row.optional} | values
+        has = {row.name for row in rows if not row.optional} | OF_4_6
+        self.values = {row.name: row.value for row in rows if row.name in has} | values
         self.lost: set[str] = set()
         self.missing: set[str] = set()
         self.connected, self.flying = True, False
@@ -206,6 +208,26 @@ def test_a_parameter_of_another_version_is_no_fault_and_not_waited_for() -> None
     assert script.fitness.fit
     assert script.fitness.summary()["read"]
     assert script.run(10) == []
+
+
+def test_the_first_reading_waits_for_critical_parameters_that_only_some_versions_have() -> None:
+    script = Script("ardupilot", LAND_SPD_MS=1.5)
+    script.lost = {"LAND_SPD_MS"}
+    assert script.run(1.0) == []
+    assert not script.fitness.fit  # whether this version has it is not yet known
+    script.lost = set()
+    assert script.run(3.0) == ["LAND_SPD_MS is 1.5, needs 0.2 to 1"]
+    assert not script.fitness.fit
+
+
+def test_a_version_without_a_critical_parameter_is_fit_once_it_has_not_answered() -> None:
+    script = Script("ardupilot")
+    assert script.run(1.0) == []
+    assert not script.fitness.fit
+    assert script.run(4.0) == []
+    assert script.fitness.fit
+    assert script.hand_over(1.0) == []
+    assert script.fitness.fit  # known by now: it is not waited for again
 
 
 def test_it_reads_again_after_a_reboot_and_after_a_lost_link() -> None:
