@@ -290,7 +290,7 @@ class Parameters(BaseModel):
             "SLZ_ODOMETRY",
             "",
             OURS,
-            "Use of the position that the LiDAR finds: none, for map and landing, or also by the autopilot.",
+            "Use of the place that LiDAR or --ros2-odometry finds: none, map and landing, or the autopilot too.",
         ),
     ] = "off"
     hold_s: Annotated[
