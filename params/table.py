@@ -290,7 +290,7 @@ class Parameters(BaseModel):
             "SLZ_ODOMETRY",
             "",
             OURS,
-            "Use of the place that LiDAR or --ros2-odometry finds: none, map and landing, or the autopilot too.",
+            "Who uses the position of the LiDAR or of --ros2-odometry: nobody, map and landing, autopilot too.",
         ),
     ] = "off"
     hold_s: Annotated[

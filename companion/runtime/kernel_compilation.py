@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import importlib
 import itertools
 import logging
@@ -48,11 +49,36 @@ def is_first(also: frozenset[str] = NO_MORE) -> bool:
     """
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return False  # nothing is ever compiled
-    compiled: dict[str, list[Path]] = {}
+    compiled = _compiled()
+    return not all(_is_compiled(path, compiled.get(path.stem, [])) for path in _sources(also))
+
+
+def is_first_of_simulator() -> bool:
+    """Return whether the simulator's compiled kernels are missing or of other sources than it has now."""
+    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
+        return False
+    sources, compiled = (
+        {path: path.read_bytes() for path in sorted((ROOT / "sitl").rglob("*.py"))},
+        _compiled(),
+    )
+    whole = hashlib.sha256()
+    for content in sources.values():
+        whole.update(content)
+    text = whole.hexdigest().encode()  # with which `sitl.compilation` marks its cache
+    return not all(
+        any(text in index.read_bytes() for index in compiled.get(path.stem, []))
+        for path, content in sources.items()
+        if EAGER.search(content)
+    )
+
+
+def _compiled() -> dict[str, list[Path]]:
+    """Return Numba's index files by the name of the module."""
+    found: dict[str, list[Path]] = {}
     for folder in _caches():
         for path in folder.rglob(COMPILED):
-            compiled.setdefault(path.name.partition(".")[0], []).append(path)
-    return not all(_is_compiled(path, compiled.get(path.stem, [])) for path in _sources(also))
+            found.setdefault(path.name.partition(".")[0], []).append(path)
+    return found
 
 
 def _is_compiled(source: Path, compiled: list[Path]) -> bool:
@@ -139,7 +165,7 @@ def _caches() -> list[Path]:
     if own := os.environ.get("NUMBA_CACHE_DIR"):
         return [Path(own)]
     at_home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "numba"
-    return [ROOT / "slz", ROOT / "companion", at_home]
+    return [ROOT / "slz", ROOT / "companion", ROOT / "sitl", at_home]
 
 
 if __name__ == "__main__":  # child of `compile_kernels`: imports the modules named on stdin, one per line

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import io
 import os
 import signal
@@ -105,6 +106,20 @@ def test_compiled_kernels_are_looked_for_where_numba_keeps_them(
     assert kernel_compilation.is_first()
     compiled(tmp_path / "elsewhere", 2000)
     assert not kernel_compilation.is_first()
+
+
+def test_it_is_the_simulators_first_start_where_no_kernel_of_its_sources_is_cached(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in ("sitl.simulation", "sitl.truth.truth"):
+        importlib.import_module(module)
+    assert not kernel_compilation.is_first_of_simulator()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "0")
+    assert kernel_compilation.is_first_of_simulator()
+    for module in ("raycast", "layer_cast", "wire_cast", "beam_edges", "topview", "footprint_span"):
+        (tmp_path / f"{module}.of_other_sources-1.{PYTHON}.nbi").write_bytes(b"0" * 64)
+    assert kernel_compilation.is_first_of_simulator()
 
 
 def test_the_modules_compiled_for_a_flight_are_those_that_it_loads() -> None:
