@@ -290,7 +290,7 @@ class Parameters(BaseModel):
             "SLZ_ODOMETRY",
             "",
             OURS,
-            "Who uses the position of the LiDAR or of --ros2-odometry: nobody, map and landing, autopilot too.",
+            "Users of the position of LiDAR or --ros2-odometry: none, map and landing, autopilot too.",
         ),
     ] = "off"
     hold_s: Annotated[
