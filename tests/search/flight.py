@@ -7,7 +7,7 @@ import functools
 import math
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from contextlib import AbstractContextManager, ExitStack, nullcontext, suppress
 from dataclasses import dataclass, replace
 from typing import Any
 from unittest import mock
@@ -21,6 +21,7 @@ from companion.flight import app
 from companion.flight.app import Companion
 from companion.flight.landing.situation import Phase
 from companion.flight.mapping import pipeline_worker
+from companion.runtime.errors import UsageError
 from sitl import scenes
 from sitl.faults import FaultyWire
 from sitl.scenes import Scene
@@ -55,6 +56,7 @@ SETTINGS = {
 }
 MAVLINK_PORT = 14_550  # in memory
 LOOK_S, LIMIT_S, ORDER_AGAIN_S = 0.1, 60.0, 0.5
+PORT_TRIES = 3
 TAKE_OFF_NS = 15_000_000_000
 APPROACH_S = 16.0  # after the order the descent begins, or the point counts as refused
 REACTED_S = 1.5  # a landing that was broken off, or that waits, is watched so long
@@ -295,6 +297,13 @@ _warm_up = _WarmUp()
 
 def fly(scenario: Scenario, *, cheap: bool = True, weakness: Weakness | None = None) -> Outcome:
     """Fly a scenario with the program as it is, or with a weakness planted in it."""
+    for _ in range(PORT_TRIES - 1):
+        with suppress(UsageError):  # another program took the LiDAR's port in between
+            return _fly(scenario, cheap, weakness)
+    return _fly(scenario, cheap, weakness)
+
+
+def _fly(scenario: Scenario, cheap: bool, weakness: Weakness | None) -> Outcome:
     started_s = time.process_time()
     flight = SearchFlight(scenario, cheap=cheap)
     with ExitStack() as stack:
