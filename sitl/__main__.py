@@ -105,10 +105,13 @@ def _simulate(
     # A lock-step client sets the pace itself, unless a speed is requested.
     speedup = options.speedup if options.speedup is not None else (1.0 if server is None else 0.0)
     pace = Pace(speedup, _say, ended)
-    simulation.late_s = pace.late_s
+    if server is None:  # a lock-step client waits for the simulated time, so that no scan is left out
+        simulation.late_s = pace.late_s
 
     def step() -> int:
-        return pace.keep(simulation.advance())
+        now_ns = pace.keep(simulation.advance())
+        pace.note_skipped(simulation.skipped_ns)
+        return now_ns
 
     try:
         with signals.awaited():

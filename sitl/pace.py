@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 LONGEST_SLEEP_S = 0.1
 SLOW = "too slow for real time: the simulated clocks fall behind; stop other programs or lower --point-rate"
+SKIPPED = "too slow for real time: LiDAR scans are left out; stop other programs or lower --point-rate"
+SKIPPED_NS = 1_000_000_000
 SLIP_S = 2.0  # simulated lag behind the pace beyond which the lost time is not caught up
 
 
@@ -37,6 +39,13 @@ class Pace:
         self._ended = ended
         self._start_s: float | None = None
         self._slipped = False
+        self._skipped = False
+
+    def note_skipped(self, skipped_ns: int) -> None:
+        """Say once that scans are left out, when those of a second are."""
+        if skipped_ns > SKIPPED_NS and not self._skipped:
+            self._skipped = True
+            self._say(SKIPPED)
 
     def late_s(self, now_ns: int) -> float:
         """Return the lag of a simulated time behind its pace (simulated s); negative if it is ahead."""

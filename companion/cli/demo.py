@@ -42,7 +42,8 @@ def demo(
     intruder: Annotated[
         str,
         typer.Option(
-            help="car@15: a car drives onto the landing point below 15 m; jib@12: a jib swings over it."
+            help="car@15: a car drives onto the landing point below 15 m; jib, walker, runner, dog, "
+            "cyclist, passing_car, ball likewise; several by commas."
         ),
     ] = "none",
     point_rate: Annotated[float, typer.Option(help="LiDAR points per second.")] = 200_000.0,

@@ -13,6 +13,7 @@ import params
 from companion.cli.console import compile_at_first, progress, set_up_logging, stdout_console, zone_table
 from companion.cli.options import Json, Profile, Settings, Verbose
 from companion.runtime import extras
+from companion.runtime.errors import UsageError
 
 UNBLOCKED = {"ways not blocked °": lambda zone: str(zone["corridors"]["unblocked_deg"])}
 
@@ -55,6 +56,9 @@ def map_(
 ) -> None:
     """Find the landing zones in stored clouds."""
     extras.require("survey", "slz map")
+    for path in files:  # before anything is compiled
+        if not path.exists():
+            raise UsageError(f"{path}: no such file")
     set_up_logging(verbose)
     from companion.desk import survey
 

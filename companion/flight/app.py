@@ -315,7 +315,7 @@ class Companion:
         gc.freeze()  # a full collection would stop the streams for a tenth of a second, for what stays anyway
         self.link.ready = True
         self.on_ready.emit()
-        log.info("ready")
+        log.info("ready" if self.link.connected else "ready: waits for the autopilot")
         async with asyncio.TaskGroup() as group:
             group.create_task(self.worker.run(), name="pipeline")
             group.create_task(self.decisions.run(self._stop), name="executive")
@@ -336,6 +336,7 @@ class Companion:
         """Tell whoever listens that the companion stops, stop the vehicle, and close the link."""
         flying = self.executive.phase in COMMANDING
         text = "SLZ: companion stops, take over" if flying else "SLZ: companion stops"
+        log.info(text)
         self.link.statustext(text, Severity.CRITICAL.value if flying else Severity.NOTICE.value)
         self.modes.cancel()
         if flying and self.link.vehicle.guided:

@@ -24,7 +24,7 @@ BATCH_PACKETS = 64
 LOOK_S = 0.25
 RECEIVE_BUFFER = 8 << 20
 BIND_ERRORS = {
-    errno.EADDRINUSE: "the port is in use",
+    errno.EADDRINUSE: "the port is in use; stop the other program (slz run?) that receives from the LiDAR",
     errno.EADDRNOTAVAIL: "this computer has no such address: give its own, not the sensor's, or 0.0.0.0",
 }
 

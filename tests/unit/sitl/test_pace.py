@@ -65,6 +65,15 @@ def test_time_lost_all_the_same_is_said_once(wall: Wall) -> None:
     assert text.startswith("too slow for real time: the simulated clocks fall behind; ")
 
 
+def test_scans_left_out_for_a_second_are_said_once() -> None:
+    said: list[str] = []
+    pace = Pace(1.0, said.append)
+    for skipped_s in (0.0, 0.9, 1.1, 2.0):
+        pace.note_skipped(round(skipped_s * S))
+    (text,) = said
+    assert text.startswith("too slow for real time: LiDAR scans are left out; ")
+
+
 def test_a_late_simulation_flies_on_and_leaves_four_of_five_scans_out() -> None:
     with closing(Simulation(scenes.build("plain", 1), [], lidar_to=("127.0.0.1", 9))) as sim:
         late_s = [0.0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import ipaddress
 import socket
 from dataclasses import dataclass
@@ -55,7 +56,10 @@ def listen(address: Address) -> socket.socket:
         sock.listen(64)
     except OSError as error:
         sock.close()
-        raise UsageError(f"--dashboard {address}: {error.strerror or error}") from None
+        why = error.strerror or str(error)
+        if error.errno == errno.EADDRINUSE:
+            why = "the port is in use; stop the other program or choose another port"
+        raise UsageError(f"--dashboard {address}: {why}") from None
     sock.setblocking(False)
     return sock
 

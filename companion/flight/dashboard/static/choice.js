@@ -9,6 +9,7 @@ export class Choice {
   constructor(model, link) {
     [this._model, this._link] = [model, link];
     this._drawn = "";
+    this._armed = false;
     byId("select").onclick = () => this.select();
     byId("confirm").onclick = () => this.confirm();
     byId("best").onclick = () => this._askFirst("Land at the best zone?", this._bestWords(), { do: "land_best" });
@@ -93,6 +94,8 @@ export class Choice {
     byId("now").disabled = !ready || !state.armed || state.on_ground;
     byId("soonest").textContent = byId("now").disabled ? "" : this._soonestWords();
     byId("abort").disabled = !may;
+    if (this._armed && state && !state.armed) this._say(""); // the flight that the answer was of is over
+    this._armed = Boolean(state?.armed);
     byId("answer").dataset.hint = this._hint(point);
     const now = JSON.stringify([picked, point, this._model.zones?.number, this._model.about?.role]);
     if (now === this._drawn) return;

@@ -505,23 +505,36 @@ def test_map_tells_zones_and_what_it_left_out(
         return {"zones": [ZONE], "no_zone": None, "skipped": skipped}
 
     cells_m: list[float] = []
+    cloud = tmp_path / "a.las"
+    cloud.touch()
     monkeypatch.setattr("companion.desk.survey.run", found)
-    assert ended("map", "a.las", "--out", str(tmp_path)) == 2
+    assert ended("map", str(cloud), "--out", str(tmp_path)) == 2
     out, err = capsys.readouterr()
     assert "1 zones, maps in" in out.replace("\n", " ")
     assert "46.1234567" in out
     assert "slz: left out: b.las: it is truncated" in err
-    assert ended("map", "a.las", "--out", str(tmp_path), "--cell-m", "0.25") == 2
+    assert ended("map", str(cloud), "--out", str(tmp_path), "--cell-m", "0.25") == 2
     assert cells_m == [0.5, 0.25]
 
 
 def test_map_tells_why_there_is_no_zone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
+    cloud = tmp_path / "a.las"
+    cloud.touch()
     answer = {"zones": [], "no_zone": "all is too steep", "skipped": []}
     monkeypatch.setattr("companion.desk.survey.run", lambda *_: answer)
-    assert ended("map", "a.las", "--out", str(tmp_path)) == 0
+    assert ended("map", str(cloud), "--out", str(tmp_path)) == 0
     assert capsys.readouterr().out.endswith("no zone: all is too steep\n")
+
+
+def test_map_refuses_an_absent_file_before_anything_is_compiled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Capture
+) -> None:
+    compiled: list[bool] = []
+    monkeypatch.setattr("companion.cli.map.set_up_logging", lambda *_: compiled.append(True))
+    assert refusal(capfd, "map", "absent.las", "--out", str(tmp_path)) == "slz: absent.las: no such file\n"
+    assert not compiled
 
 
 def test_nearest_tells_a_table_or_that_there_is_none(

@@ -95,6 +95,10 @@ def test_a_lidar_that_is_silent_on_the_ground_is_none() -> None:
     assert keys({**QUIET, "lidar_ok": False, "armed": False}) == []
 
 
+def test_a_lost_link_is_one_alarm() -> None:
+    assert keys({**QUIET, "connected": False, "lidar_ok": False, "blind": "link lost"}) == ["no-autopilot"]
+
+
 def test_an_autopilot_that_is_not_set_up_is_named_by_its_worst_parameter() -> None:
     (alarm,) = active_alarms(
         {**QUIET, "unfit": ["A is 0, needs 5", "B could not be read", "C is missing"]}, None
