@@ -33,7 +33,7 @@ from tests.campaign.witness import COMPANION
 from tests.e2e.harness import LIDAR_MS, POINT_RATE_HZ, TICK_NS, Mission
 from tests.ports import free_port
 from tests.search.hazard import Hazard
-from tests.search.margin import HazardClearance, margin_of, parts_of, score_of
+from tests.search.margin import HazardClearance, margin_of, parts_of, response_of, score_of
 from tests.search.memory_loop import LOCAL, MemoryLoop
 from tests.search.scenario import Scenario
 from tests.search.troubles import troubles
@@ -70,13 +70,14 @@ class Outcome:
     """What came of a flight.
 
     end: one of `ENDS`; "refused": it did not begin to descend; "failsafe": the autopilot landed by itself.
-    parts: of the margin. score: what the search minimises.
+    parts: of the margin. response: how it answered what happened. score: what the search minimises.
     """
 
     end: str
     margin: float
     score: float
     parts: dict[str, float]
+    response: dict[str, float]
     aborts: list[str]
     touchdown: dict[str, Any] | None
     simulated_s: float
@@ -142,7 +143,7 @@ class SearchFlight(Mission):
         self.descended = False
         self._was_final = False
         self._ordered_s = 0.0
-        self._reacted_s = math.inf
+        self._reacted_ns: int | None = None
 
     def new_companion(self) -> Companion:
         """Return a companion that knows its vehicle, and need not listen for it."""
@@ -197,15 +198,17 @@ class SearchFlight(Mission):
         self.sim.router.wires = [wire for wire in self.sim.router.wires if isinstance(wire, FaultyWire)]
         self.sim.pilot = None
 
+    @property
+    def ordered_en_m(self) -> tuple[float, float]:
+        """East and north of the ordered point."""
+        east, north, _ = self.place
+        return east + self.scenario.number("point_east_m"), north + self.scenario.number("point_north_m")
+
     def _order(self) -> None:
         """Order the landing at the scenario's point, as a ground station does."""
         assert self.sim.pilot is not None
-        (east, north, _), up = self.place, self.sim.vehicle.truth.pos_enu_m[2]
-        east, north = (
-            east + self.scenario.number("point_east_m"),
-            north + self.scenario.number("point_north_m"),
-        )
-        lat, lon, alt = pymap3d.enu2geodetic(east, north, float(up), *self.sim.origin_lla)
+        up = float(self.sim.vehicle.truth.pos_enu_m[2])
+        lat, lon, alt = pymap3d.enu2geodetic(*self.ordered_en_m, up, *self.sim.origin_lla)
         self.sim.pilot.send(
             mavlink.MAVLink_command_int_message(
                 1, COMPANION, mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_CMD_USER_1, 0, 0,
@@ -218,21 +221,24 @@ class SearchFlight(Mission):
         self.descended = self.descended or executive.phase in (Phase.DESCEND, Phase.FINAL)
         waits = self._was_final and executive.phase is Phase.DESCEND
         self._was_final = executive.phase is Phase.FINAL
-        if (executive.tally.aborts or waits) and math.isinf(self._reacted_s):
-            self._reacted_s = now_s
+        if (executive.tally.aborts or waits) and self._reacted_ns is None:
+            self._reacted_ns = self.sim.now_ns
+        watched_ns = 0 if self._reacted_ns is None else self.sim.now_ns - self._reacted_ns
         slow = not self.descended and now_s - self._ordered_s > APPROACH_S
-        return slow or now_s - self._reacted_s > REACTED_S or self.sim.touchdown is not None
+        return slow or watched_ns * 1e-9 > REACTED_S or self.sim.touchdown is not None
 
     def outcome(self, cpu_s: float) -> Outcome:
         """Judge the flight by the exact world."""
         tally = self.companion.executive.tally
         parts = parts_of(self.sim, self.clearance) if self.has_taken_off else {"hazard": 1.0}
         margin = margin_of(parts)
+        response = response_of(self.sim, self.hazard, self._reacted_ns, self.ordered_en_m)
         return Outcome(
             self._end(margin),
             margin,
-            round(score_of(parts), 5),
+            round(score_of(parts, response), 5),
             parts,
+            response,
             list(tally.abort_reasons),
             self.sim.touchdown,
             round(self.sim.now_ns * 1e-9, 1),

@@ -1,7 +1,9 @@
 """Margin of a flight to an unsafe touchdown, from the simulator's exact truth; below zero is unsafe.
 
 Each part is the share of its allowance that is left: 1 is all of it, 0 the limit, -1 at least as far beyond.
-The margin is the least.
+The margin is the least. What shows beside it how well the flight answered what happened, though nothing is
+unsafe yet, is its response: a search by the margin alone ends at what is tall and near, where every flight
+has little left.
 """
 
 from __future__ import annotations
@@ -20,6 +22,8 @@ from sitl.world.primitives import Box, Ellipsoid
 from tests.search.hazard import Hazard
 
 SLOPE_DEG, RELIEF_M = 10.0, 0.3  # of `safe_map`
+RESPONSE_S = 3.0  # after what came has come
+RESPONSE_WEIGHT = 0.5
 CELL_M, AROUND_CELLS = 0.2, 12
 PLACE_M, HAZARD_M = 2.4, 10.0  # distances that count as all of the allowance
 STRUCK = -0.5
@@ -110,11 +114,29 @@ def _signed_m(safe: Any) -> float:
     return away_m if is_safe else -away_m
 
 
+def response_of(
+    simulation: Simulation, hazard: Hazard | None, reacted_ns: int | None, ordered_en_m: tuple[float, float]
+) -> dict[str, float]:
+    """Return the parts of the response to what happened, by name.
+
+    reaction: time from the arrival of a hazard that is in the way to when the landing was broken off or
+    waited; absent if neither was. accuracy: distance of the touchdown from the ordered point.
+    """
+    parts = {}
+    if hazard is not None and hazard.is_in_way and hazard.arrives_ns is not None and reacted_ns is not None:
+        parts["reaction"] = 1.0 - max(0, reacted_ns - hazard.arrives_ns) * 1e-9 / RESPONSE_S
+    if (touchdown := simulation.touchdown) is not None:
+        off_m = math.hypot(touchdown["e"] - ordered_en_m[0], touchdown["n"] - ordered_en_m[1])
+        parts["accuracy"] = 1.0 - off_m / PLACE_M
+    return {name: round(max(-1.0, value), 5) for name, value in parts.items()}
+
+
 def margin_of(parts: dict[str, float]) -> float:
     """Return the margin, the least of the parts."""
     return min(parts.values())
 
 
-def score_of(parts: dict[str, float]) -> float:
-    """Return what the search minimises: the margin, and a little of what the other parts say."""
-    return margin_of(parts) + 0.1 * sum(parts.values()) / len(parts)
+def score_of(parts: dict[str, float], response: dict[str, float]) -> float:
+    """Return what the search minimises: margin, response, and a little of what the other parts say."""
+    answered = RESPONSE_WEIGHT * min(response.values(), default=1.0)
+    return margin_of(parts) + answered + 0.1 * sum(parts.values()) / len(parts)

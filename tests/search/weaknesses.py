@@ -57,10 +57,14 @@ def moment(flight: SearchFlight, s: Situation) -> Moment:
     """Return the moment of a situation."""
     aim, intrusion = flight.companion.executive.state.aim, s.intrusion
     tall, bearing = UNKNOWN_HEIGHT_M, 0.0
-    if intrusion is not None and aim.enu_m is not None:
-        tall = intrusion.height_m
-        east, north = (float(v) for v in (intrusion.enu_m - aim.enu_m)[:2])
-        bearing = math.degrees(math.atan2(east, north)) % 360.0
+    if aim.enu_m is not None:
+        place, seen = aim.enu_m[:2], [(one.height_m, one.enu_m) for one in s.moving]
+        if intrusion is not None:
+            seen = [(intrusion.height_m, intrusion.enu_m[:2])]
+        if seen:
+            tall, where = min(seen, key=lambda one: float(np.hypot(*(one[1] - place))))
+            east, north = (float(v) for v in where - place)
+            bearing = math.degrees(math.atan2(east, north)) % 360.0
     return Moment(
         height_m=aim.height_left_m,
         wind_ms=0.0 if s.wind is None else s.wind.speed_ms,
@@ -76,7 +80,8 @@ def moment(flight: SearchFlight, s: Situation) -> Moment:
 class _Blind:
     """Source of situations that hides what came for a while, or that the LiDAR is lost.
 
-    What moves elsewhere is never seen in the descent: the landing does not wait for it.
+    What moves is hidden too, before it has come, wherever the weakness is there at all: the landing does not
+    wait for it. Where it is not there, the situation is as it was.
     """
 
     def __init__(self, flight: SearchFlight, share: Callable[[Moment], float]) -> None:
@@ -90,17 +95,17 @@ class _Blind:
         if self._flight.phase not in (Phase.DESCEND, Phase.FINAL):
             self._clean, self._until_ns = s.selected, None
             return s
-        s = replace(s, moving=())
         came = s.selected is None or s.selected.state is not PointState.SAFE
+        share = self._share(moment(self._flight, s))
         if not came and s.lidar_ok:
             self._clean = s.selected
-            return s
+            hidden = share > 0.0 and (self._until_ns is None or s.now_ns < self._until_ns)
+            return replace(s, moving=()) if hidden else s
         if self._until_ns is None:
-            share = self._share(moment(self._flight, s))
             self._until_ns = s.now_ns + round(BLIND_S * share * 1e9)
         if s.now_ns >= self._until_ns or self._clean is None:
             return s
-        return replace(s, selected=self._clean, intrusion=None, lidar_ok=True)
+        return replace(s, selected=self._clean, intrusion=None, lidar_ok=True, moving=())
 
 
 @contextmanager

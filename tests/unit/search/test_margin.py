@@ -15,9 +15,10 @@ from sitl.truth.touchdown import fault_of
 from sitl.world.primitives import Box, Ellipsoid, Ground, Kind, Solid
 from sitl.world.world import World
 from tests.search.hazard import FROM_M, Hazard
-from tests.search.margin import HazardClearance, clearance_m, margin_of, parts_of, score_of
+from tests.search.margin import HazardClearance, clearance_m, margin_of, parts_of, response_of, score_of
 from tests.search.scenario import Scenario
 
+S = 1_000_000_000
 BOX = Box(0.0, 0.0, 0.0, 2.0, 1.0, 1.5)
 
 
@@ -129,4 +130,19 @@ def test_the_least_clearance_is_kept_until_the_touchdown() -> None:
 def test_the_score_tells_more_than_the_margin() -> None:
     calm, near = {"hazard": 1.0, "speed": 0.8}, {"hazard": 0.9, "speed": 0.8}
     assert margin_of(calm) == margin_of(near)
-    assert score_of(near) < score_of(calm)
+    assert score_of(near, {}) < score_of(calm, {})
+    assert score_of(calm, {"reaction": 0.2}) < score_of(calm, {"reaction": 0.9}) < score_of(calm, {})
+
+
+def test_the_response_is_the_time_to_react_to_what_is_in_the_way_and_the_distance_from_the_point() -> None:
+    touched, flying = (SimpleNamespace(touchdown=one) for one in ({"e": 1.2, "n": 0.0}, None))
+    assert response_of(touched, None, None, (0.0, 0.0)) == {"accuracy": 0.5}
+    there, aside = (
+        Hazard(Scenario.of(hazard="box", hazard_speed_ms=5.0, hazard_aside_m=m)) for m in (0.0, 4.0)
+    )
+    assert response_of(flying, there, 5 * S, (0.0, 0.0)) == {}
+    there.started_ns = aside.started_ns = 10 * S  # they come 5 m at 5 m/s
+    assert response_of(flying, there, None, (0.0, 0.0)) == {}
+    assert response_of(flying, aside, 12 * S, (0.0, 0.0)) == {}
+    for reacted_s, left in ((10.5, 1.0), (12.5, 0.5), (20.0, -1.0)):
+        assert response_of(flying, there, round(reacted_s * S), (0.0, 0.0)) == {"reaction": left}

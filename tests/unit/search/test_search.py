@@ -25,7 +25,7 @@ PEAK = {"wind_ms": 6.0, "wind_from_deg": 350.0, "hazard_height_m": 1.1, "hazard_
 
 def outcome(margin: float, end: str = "") -> Outcome:
     end = end or ("unsafe" if margin < 0 else "safe")
-    return Outcome(end, margin, margin, {"hazard": margin}, [], None, 20.0, 1.0)
+    return Outcome(end, margin, margin, {"hazard": margin}, {}, [], None, 20.0, 1.0)
 
 
 def narrow(scenario: Scenario) -> Outcome:

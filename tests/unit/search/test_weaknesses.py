@@ -110,6 +110,15 @@ def test_what_comes_is_hidden_where_the_conditions_meet(
     assert hidden_s(WEAKNESSES[name], Flight(height_m), **elsewhere) < 1.2
 
 
+def test_what_moves_is_hidden_only_where_the_weakness_is() -> None:
+    mover = SimpleNamespace(enu_m=np.array([3.0, 0.0]), height_m=1.1)
+    for heading_deg, hidden in ((200.0, True), (20.0, False)):
+        flight = Flight()
+        with WEAKNESSES["crosswind"](flight):  # type: ignore[arg-type]
+            s = flight.see(moving=(mover,), heading_rad=math.radians(heading_deg))
+        assert s.moving == (() if hidden else (mover,))
+
+
 def test_before_the_descent_nothing_is_hidden() -> None:
     flight = Flight()
     flight.phase = Phase.APPROACH
