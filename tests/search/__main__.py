@@ -53,9 +53,6 @@ def _arguments() -> argparse.Namespace:
         command.add_argument("--weakness", choices=WEAKNESSES, nargs="+", default=list(WEAKNESSES))
         command.add_argument("--failures", type=int, default=3, help="to find before the hunt ends")
         command.add_argument("--jobs", type=int, default=1)
-        command.add_argument(
-            "--learn", type=int, default=100, help="flights of the hunt that plant begins with"
-        )
         command.add_argument("--planted", action="store_true", help="count with all weaknesses at once")
         command.add_argument("--flights-to-shrink", type=int, default=60)
     replay = commands.add_parser("replay")
@@ -82,15 +79,12 @@ def _hunt(own: argparse.Namespace) -> int:
 
 def _plant(own: argparse.Namespace) -> int:
     missed = 0
-    learnt = Hunt(own.out / "hunt.jsonl", fly, own.seed, jobs=own.jobs)
-    learnt.run(own.learn, failures=own.learn)
     for name in own.weakness:
         started_s = time.process_time()
         hunt = Hunt(
             own.out / f"{name}.jsonl",
             partial(fly, weakness=WEAKNESSES[name]),
             own.seed,
-            learnt.flown[: own.learn],
             own.jobs,
             confirm=lambda scenario: not fly(scenario).unsafe,
         )

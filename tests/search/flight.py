@@ -137,7 +137,9 @@ class SearchFlight(Mission):
         self.hazard = None if scenario.text("hazard") == "none" else Hazard(scenario)
         self.clearance = HazardClearance(self.hazard)
         self.sim.intruders = [] if self.hazard is None else [self.hazard]
-        self.sim.every_tick += [self.clearance, *troubles(scenario, rngs[1])]
+        spells = troubles(scenario, rngs[1])
+        self.silence = spells.get("lidar_stop")
+        self.sim.every_tick += [self.clearance, *spells.values()]
         self.companion: Companion = self.new_companion()
         self.task = None
         self.descended = False
@@ -232,7 +234,7 @@ class SearchFlight(Mission):
         tally = self.companion.executive.tally
         parts = parts_of(self.sim, self.clearance) if self.has_taken_off else {"hazard": 1.0}
         margin = margin_of(parts)
-        response = response_of(self.sim, self.hazard, self._reacted_ns, self.ordered_en_m)
+        response = response_of(self.sim, self.hazard, self.silence, self._reacted_ns, self.ordered_en_m)
         return Outcome(
             self._end(margin),
             margin,

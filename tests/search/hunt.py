@@ -10,14 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from tests.search.cross_entropy import Scored, next_generation
 from tests.search.flight import REFUSED, TAKEN, Outcome
 from tests.search.flights import Fly, outcomes
+from tests.search.niche_search import Scored, next_generation
 from tests.search.scenario import Scenario
 
 Flown = dict[str, Any]
 GENERATION = 20
-EPOCH = 20 * GENERATION  # then the search begins anew, in case it is stuck
 
 
 class Hunt:
@@ -29,8 +28,6 @@ class Hunt:
         File of flights, a line of JSON each.
     fly
         Flies a scenario.
-    learnt
-        Flights of another hunt, to begin with what they teach; a new beginning is without them.
     jobs
         Processes that fly; with more than one, `fly` must be picklable.
     confirm
@@ -49,12 +46,10 @@ class Hunt:
         path: Path,
         fly: Fly,
         seed: int,
-        learnt: Sequence[Flown] = (),
         jobs: int = 1,
         confirm: Callable[[Scenario], bool] | None = None,
     ) -> None:
         self._path, self._fly, self._seed, self._jobs, self._confirm = path, fly, seed, jobs, confirm
-        self._learnt = _scored(learnt)
         self.flown: list[Flown] = _read(path)
         self.failures = [Scenario.of(**one["scenario"]) for one in self.flown if one["failure"]]
 
@@ -63,10 +58,7 @@ class Hunt:
         while len(self.flown) < budget and len(self.failures) < failures:
             generation, done = divmod(len(self.flown), GENERATION)
             rng = np.random.default_rng([self._seed, generation])
-            first = len(self.flown) // EPOCH * EPOCH
-            scored = _scored(self.flown[first : generation * GENERATION]) + (
-                self._learnt if not first else []
-            )
+            scored = _scored(self.flown[: generation * GENERATION])
             scenarios = next_generation(rng, scored, GENERATION)[done:]
             for scenario, outcome in zip(scenarios, outcomes(self._fly, scenarios, self._jobs), strict=True):
                 self._note(scenario, outcome)

@@ -20,6 +20,7 @@ from sitl.truth.truth import safe_map
 from sitl.vehicle.multirotor import HARDEST_TOUCH_MS
 from sitl.world.primitives import Box, Ellipsoid
 from tests.search.hazard import Hazard
+from tests.search.troubles import Spell
 
 SLOPE_DEG, RELIEF_M = 10.0, 0.3  # of `safe_map`
 RESPONSE_S = 3.0  # after what came has come
@@ -115,20 +116,36 @@ def _signed_m(safe: Any) -> float:
 
 
 def response_of(
-    simulation: Simulation, hazard: Hazard | None, reacted_ns: int | None, ordered_en_m: tuple[float, float]
+    simulation: Simulation,
+    hazard: Hazard | None,
+    silence: Spell | None,
+    reacted_ns: int | None,
+    ordered_en_m: tuple[float, float],
 ) -> dict[str, float]:
     """Return the parts of the response to what happened, by name.
 
     reaction: time from the arrival of a hazard that is in the way to when the landing was broken off or
-    waited; absent if neither was. accuracy: distance of the touchdown from the ordered point.
+    waited; absent if neither was. silence: time from when the LiDAR fell silent to that, if it was before the
+    end of the silence. accuracy: distance of the touchdown from the ordered point, as the autopilot knew it.
     """
     parts = {}
     if hazard is not None and hazard.is_in_way and hazard.arrives_ns is not None and reacted_ns is not None:
-        parts["reaction"] = 1.0 - max(0, reacted_ns - hazard.arrives_ns) * 1e-9 / RESPONSE_S
+        parts["reaction"] = _left(reacted_ns - hazard.arrives_ns)
+    if silence is not None and silence.begun_ns is not None and reacted_ns is not None:
+        late_ns = reacted_ns - silence.begun_ns
+        if 0 <= late_ns <= silence.lasts_ns:
+            parts["silence"] = _left(late_ns)
     if (touchdown := simulation.touchdown) is not None:
-        off_m = math.hypot(touchdown["e"] - ordered_en_m[0], touchdown["n"] - ordered_en_m[1])
-        parts["accuracy"] = 1.0 - off_m / PLACE_M
-    return {name: round(max(-1.0, value), 5) for name, value in parts.items()}
+        known, true = simulation.autopilot.estimate, simulation.vehicle.truth
+        drift = (0.0, 0.0) if known is None else known.pos_enu_m[:2] - true.pos_enu_m[:2]
+        east, north = touchdown["e"] + drift[0], touchdown["n"] + drift[1]
+        off_m = math.hypot(east - ordered_en_m[0], north - ordered_en_m[1])
+        parts["accuracy"] = round(max(-1.0, 1.0 - off_m / PLACE_M), 5)
+    return parts
+
+
+def _left(late_ns: int) -> float:
+    return round(max(-1.0, 1.0 - max(0, late_ns) * 1e-9 / RESPONSE_S), 5)
 
 
 def margin_of(parts: dict[str, float]) -> float:

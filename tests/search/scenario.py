@@ -134,6 +134,14 @@ def one_trouble(rng: np.random.Generator) -> Scenario:
     return scenario.replaced(spared, DEFAULTS[spared]) if troubled else scenario
 
 
+def in_the_way(rng: np.random.Generator) -> Scenario:
+    """Draw as `uniform`, but every other scenario without a fault, and most hazards in the way."""
+    scenario, aside = uniform(rng), SPACE["hazard_aside_m"]
+    assert isinstance(aside, Range)
+    scenario = scenario.replaced("hazard_aside_m", rounded(aside, aside.high * rng.random() ** 2.5))
+    return scenario.replaced("fault", DEFAULTS["fault"]) if rng.random() < 0.5 else scenario
+
+
 def draw(part: Range | Choice, rng: np.random.Generator) -> Value:
     """Draw one parameter evenly."""
     if isinstance(part, Choice):

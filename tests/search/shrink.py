@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from tests.search.cross_entropy import is_angle
+from tests.search.niche_search import is_angle
 from tests.search.scenario import DEFAULTS, SPACE, Choice, Range, Scenario, rounded
 
 HALVINGS = 3

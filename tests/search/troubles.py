@@ -19,15 +19,17 @@ class Spell:
 
     def __init__(self, fault: Fault, below_m: float, lasts_s: float) -> None:
         self._begun = faults.BelowHeight(fault, below_m)
-        self._lasts_ns, self._until_ns = lasts_s * 1e9, 0.0
+        self.lasts_ns, self._until_ns = lasts_s * 1e9, 0.0
         self._over = False
+        self.begun_ns: int | None = None
 
     def __call__(self, simulation: Simulation) -> None:
         if self._over:
             return
         self._begun(simulation)
         if self._begun.has_begun:
-            self._until_ns = self._until_ns or simulation.now_ns + self._lasts_ns
+            self.begun_ns = simulation.now_ns if self.begun_ns is None else self.begun_ns
+            self._until_ns = self._until_ns or simulation.now_ns + self.lasts_ns
             self._over = simulation.now_ns >= self._until_ns
             if self._over:
                 self._begun.fault.stop(simulation)
@@ -42,13 +44,13 @@ class Drift(gps_faults.GpsSlowDrift):
         self._velocity_enu_ms = speed_ms * np.array([math.sin(towards), math.cos(towards), 0.0])
 
 
-def troubles(scenario: Scenario, rng: np.random.Generator) -> list[Spell]:
-    """Return the hooks of a scenario's drift and fault."""
-    out = []
+def troubles(scenario: Scenario, rng: np.random.Generator) -> dict[str, Spell]:
+    """Return the hooks of a scenario's drift and fault, by name."""
+    out = {}
     if scenario.number("drift_ms") > 0:
         drift = Drift(scenario.number("drift_ms"), scenario.number("drift_to_deg"))
-        out.append(Spell(drift, DRIFT_BELOW_M, math.inf))
-    if scenario.text("fault") != "none":
-        fault = faults.build(scenario.text("fault"), rng)
-        out.append(Spell(fault, scenario.number("fault_below_m"), scenario.number("fault_s")))
+        out["drift"] = Spell(drift, DRIFT_BELOW_M, math.inf)
+    if (name := scenario.text("fault")) != "none":
+        fault = faults.build(name, rng)
+        out[name] = Spell(fault, scenario.number("fault_below_m"), scenario.number("fault_s"))
     return out

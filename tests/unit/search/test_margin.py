@@ -17,6 +17,7 @@ from sitl.world.world import World
 from tests.search.hazard import FROM_M, Hazard
 from tests.search.margin import HazardClearance, clearance_m, margin_of, parts_of, response_of, score_of
 from tests.search.scenario import Scenario
+from tests.search.troubles import troubles
 
 S = 1_000_000_000
 BOX = Box(0.0, 0.0, 0.0, 2.0, 1.0, 1.5)
@@ -134,15 +135,25 @@ def test_the_score_tells_more_than_the_margin() -> None:
     assert score_of(calm, {"reaction": 0.2}) < score_of(calm, {"reaction": 0.9}) < score_of(calm, {})
 
 
-def test_the_response_is_the_time_to_react_to_what_is_in_the_way_and_the_distance_from_the_point() -> None:
-    touched, flying = (SimpleNamespace(touchdown=one) for one in ({"e": 1.2, "n": 0.0}, None))
-    assert response_of(touched, None, None, (0.0, 0.0)) == {"accuracy": 0.5}
+def test_the_response_is_the_time_to_react_and_the_distance_from_the_point_as_the_autopilot_knew() -> None:
+    flying: Any = SimpleNamespace(touchdown=None)
     there, aside = (
         Hazard(Scenario.of(hazard="box", hazard_speed_ms=5.0, hazard_aside_m=m)) for m in (0.0, 4.0)
     )
-    assert response_of(flying, there, 5 * S, (0.0, 0.0)) == {}
-    there.started_ns = aside.started_ns = 10 * S  # they come 5 m at 5 m/s
-    assert response_of(flying, there, None, (0.0, 0.0)) == {}
-    assert response_of(flying, aside, 12 * S, (0.0, 0.0)) == {}
+    silence = troubles(Scenario.of(fault="lidar_stop", fault_s=2.0), np.random.default_rng(0))["lidar_stop"]
+    assert response_of(flying, there, silence, 5 * S, (0.0, 0.0)) == {}
+    there.started_ns = aside.started_ns = silence.begun_ns = 10 * S  # they come 5 m at 5 m/s
+    assert response_of(flying, there, silence, None, (0.0, 0.0)) == {}
+    assert response_of(flying, aside, None, 12 * S, (0.0, 0.0)) == {}
     for reacted_s, left in ((10.5, 1.0), (12.5, 0.5), (20.0, -1.0)):
-        assert response_of(flying, there, round(reacted_s * S), (0.0, 0.0)) == {"reaction": left}
+        assert response_of(flying, there, None, round(reacted_s * S), (0.0, 0.0)) == {"reaction": left}
+    assert response_of(flying, None, silence, round(11.5 * S), (0.0, 0.0)) == {"silence": 0.5}
+    assert response_of(flying, None, silence, 13 * S, (0.0, 0.0)) == {}  # of something else
+
+    there_m, known_m = (SimpleNamespace(pos_enu_m=np.array([e, 0.0, 0.0])) for e in (1.2, 0.6))
+    touched: Any = SimpleNamespace(
+        touchdown={"e": 1.2, "n": 0.0},
+        autopilot=SimpleNamespace(estimate=known_m),
+        vehicle=SimpleNamespace(truth=there_m),
+    )
+    assert response_of(touched, None, None, None, (0.0, 0.0)) == {"accuracy": 0.75}

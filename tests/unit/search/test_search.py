@@ -13,10 +13,10 @@ from companion.desk.evidence.artefact_fields import Fields
 from companion.desk.evidence.landing_counts import read_counts
 from companion.runtime.program_version import program_version
 from tests.search import counts
-from tests.search.cross_entropy import next_generation
 from tests.search.equality import figures
 from tests.search.flight import Outcome
 from tests.search.hunt import GENERATION, Hunt
+from tests.search.niche_search import FIRST, next_generation
 from tests.search.scenario import DEFAULTS, SPACE, Range, Scenario, one_trouble, read, uniform
 from tests.search.shrink import shrink
 
@@ -107,12 +107,13 @@ def test_a_hunt_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
 def test_failures_and_failsafes_are_no_examples(tmp_path: Path) -> None:
     ends = iter([outcome(-0.5), outcome(-0.4, "failsafe"), *(outcome(0.5 + 0.01 * n) for n in range(100))])
     hunt = Hunt(tmp_path / "hunt.jsonl", lambda _: next(ends), 1)
-    assert len(hunt.run(50, failures=2)) == 1
-    assert len(hunt.flown) == 50
+    assert len(hunt.run(70, failures=2)) == 1
+    assert len(hunt.flown) == 70
     scenarios = [Scenario.of(**one["scenario"]) for one in hunt.flown]
-    learnt = [(one["score"], "safe", s) for one, s in zip(hunt.flown[2:40], scenarios[2:40], strict=True)]
-    drawn = next_generation(np.random.default_rng([1, 2]), learnt, GENERATION)
-    assert scenarios[40:50] == drawn[:10]
+    learnt = [(one["score"], "safe", s) for one, s in zip(hunt.flown[2:60], scenarios[2:60], strict=True)]
+    drawn = next_generation(np.random.default_rng([1, 3]), learnt, GENERATION)
+    assert len(learnt) > FIRST
+    assert scenarios[60:70] == drawn[:10]
 
 
 def fails_by_wind_and_box(scenario: Scenario) -> bool:

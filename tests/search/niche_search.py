@@ -1,0 +1,81 @@
+"""Search by niches: keep the best scenarios of each, and change them (MAP-Elites, Mouret and Clune 2015).
+
+The best of all flights are soon alike: the search would end at what is always close, such as a tall hazard
+while the LiDAR fails, and never see what is late where it need not be. Niches are by end and whether there is
+a fault, and by fault. Those that lately became better are drawn from more often.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+
+import numpy as np
+
+from tests.search.scenario import DEFAULTS, SPACE, Choice, Range, Scenario, draw, in_the_way, rounded
+
+Scored = tuple[float, str, Scenario]
+"""Score, end and scenario of a flight."""
+Niche = Callable[[str, Scenario], Hashable]
+NICHES: tuple[Niche, ...] = (
+    lambda end, scenario: (end, scenario.values["fault"] == DEFAULTS["fault"]),
+    lambda end, scenario: scenario.values["fault"],
+)
+FIRST = 40  # flights before anything is learnt
+NEW_SHARE = 0.25
+ELITE = 4  # of a niche
+LATELY, MORE_OFTEN = 60, 5.0  # flights ago; weight of a niche that became better since
+CHANGES = (1, 4)  # parameters that are drawn again
+NEAR = 0.12  # of a range: a change that is none to somewhere else
+
+
+def next_generation(rng: np.random.Generator, flown: Sequence[Scored], count: int) -> list[Scenario]:
+    """Return the scenarios to fly next; none is like those before while too few are flown."""
+    if len(flown) < FIRST:
+        return [in_the_way(rng) for _ in range(count)]
+    kinds = [_Elites(flown, niche) for niche in NICHES]
+    return [_one(rng, kinds[int(rng.integers(len(kinds)))]) for _ in range(count)]
+
+
+class _Elites:
+    """Best scenarios of each niche of one kind."""
+
+    def __init__(self, flown: Sequence[Scored], niche: Niche) -> None:
+        niches: dict[Hashable, list[tuple[float, int, Scenario]]] = {}
+        for number, (score, end, scenario) in enumerate(flown):
+            niches.setdefault(niche(end, scenario), []).append((score, number, scenario))
+        best = [sorted(niches[key], key=lambda one: one[:2])[:ELITE] for key in sorted(niches, key=str)]
+        lately = [max(number for _, number, _ in each) >= len(flown) - LATELY for each in best]
+        weights = np.where(lately, MORE_OFTEN, 1.0)
+        self._best = [[scenario for _, _, scenario in each] for each in best]
+        self._shares = weights / weights.sum()
+
+    def drawn(self, rng: np.random.Generator) -> Scenario:
+        best = self._best[int(rng.choice(len(self._best), p=self._shares))]
+        return best[int(rng.integers(len(best)))]
+
+
+def _one(rng: np.random.Generator, elites: _Elites) -> Scenario:
+    return in_the_way(rng) if rng.random() < NEW_SHARE else _changed(rng, elites.drawn(rng))
+
+
+def _changed(rng: np.random.Generator, scenario: Scenario) -> Scenario:
+    """Return a scenario with a few parameters drawn again: near, or anywhere."""
+    values = dict(scenario.values)
+    for name in rng.choice(list(SPACE), int(rng.integers(*CHANGES, endpoint=True)), replace=False):
+        part = SPACE[str(name)]
+        if isinstance(part, Choice) or rng.random() < 0.5:
+            values[str(name)] = draw(part, rng)
+        else:
+            values[str(name)] = _near(str(name), part, float(values[str(name)]), rng)
+    return Scenario(values)
+
+
+def _near(name: str, part: Range, value: float, rng: np.random.Generator) -> float:
+    span = part.high - part.low
+    other = float(rng.normal(value, NEAR * span))
+    return rounded(part, (other - part.low) % span + part.low if is_angle(name) else other)
+
+
+def is_angle(name: str) -> bool:
+    """Return whether a parameter wraps around."""
+    return name.endswith("_deg")
