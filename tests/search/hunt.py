@@ -91,7 +91,7 @@ def _read(path: Path) -> list[Flown]:
 def _scored(flown: Sequence[Flown]) -> list[Scored]:
     """Return scores to learn from: not of what failed, was refused, or landed by the autopilot alone."""
     return [
-        (one["score"], one["end"], Scenario.of(**one["scenario"]))
+        (one["score"], f"{one['end']} {sorted(one['response'])}", Scenario.of(**one["scenario"]))
         for one in flown
         if one["end"] not in (TAKEN, REFUSED) and not is_failure(one)
     ]

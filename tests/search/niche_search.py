@@ -1,8 +1,9 @@
 """Search by niches: keep the best scenarios of each, and change them (MAP-Elites, Mouret and Clune 2015).
 
 The best of all flights are soon alike: the search would end at what is always close, such as a tall hazard
-while the LiDAR fails, and never see what is late where it need not be. Niches are by end and whether there is
-a fault, and by fault. Those that lately became better are drawn from more often.
+while the LiDAR fails, and never see what is late where it need not be. Niches are by behaviour, which is the
+end and what was answered, with a fault and without, and by fault. Those that lately became better are drawn
+from more often.
 """
 
 from __future__ import annotations
@@ -14,11 +15,11 @@ import numpy as np
 from tests.search.scenario import DEFAULTS, SPACE, Choice, Range, Scenario, draw, in_the_way, rounded
 
 Scored = tuple[float, str, Scenario]
-"""Score, end and scenario of a flight."""
+"""Score, behaviour and scenario of a flight."""
 Niche = Callable[[str, Scenario], Hashable]
 NICHES: tuple[Niche, ...] = (
-    lambda end, scenario: (end, scenario.values["fault"] == DEFAULTS["fault"]),
-    lambda end, scenario: scenario.values["fault"],
+    lambda behaviour, scenario: (behaviour, scenario.values["fault"] == DEFAULTS["fault"]),
+    lambda _, scenario: scenario.values["fault"],
 )
 FIRST = 40  # flights before anything is learnt
 NEW_SHARE = 0.25
@@ -41,8 +42,8 @@ class _Elites:
 
     def __init__(self, flown: Sequence[Scored], niche: Niche) -> None:
         niches: dict[Hashable, list[tuple[float, int, Scenario]]] = {}
-        for number, (score, end, scenario) in enumerate(flown):
-            niches.setdefault(niche(end, scenario), []).append((score, number, scenario))
+        for number, (score, behaviour, scenario) in enumerate(flown):
+            niches.setdefault(niche(behaviour, scenario), []).append((score, number, scenario))
         best = [sorted(niches[key], key=lambda one: one[:2])[:ELITE] for key in sorted(niches, key=str)]
         lately = [max(number for _, number, _ in each) >= len(flown) - LATELY for each in best]
         weights = np.where(lately, MORE_OFTEN, 1.0)

@@ -135,11 +135,17 @@ def one_trouble(rng: np.random.Generator) -> Scenario:
 
 
 def in_the_way(rng: np.random.Generator) -> Scenario:
-    """Draw as `uniform`, but every other scenario without a fault, and most hazards in the way."""
+    """Draw as `uniform`, but mostly what must be answered: a hazard in the way, a LiDAR that falls silent.
+
+    Of five scenarios two have no fault, and one has this.
+    """
     scenario, aside = uniform(rng), SPACE["hazard_aside_m"]
     assert isinstance(aside, Range)
     scenario = scenario.replaced("hazard_aside_m", rounded(aside, aside.high * rng.random() ** 2.5))
-    return scenario.replaced("fault", DEFAULTS["fault"]) if rng.random() < 0.5 else scenario
+    kind = rng.random()
+    if kind < 0.6:
+        return scenario.replaced("fault", DEFAULTS["fault"] if kind < 0.4 else "lidar_stop")
+    return scenario
 
 
 def draw(part: Range | Choice, rng: np.random.Generator) -> Value:
