@@ -91,7 +91,12 @@ def _read(path: Path) -> list[Flown]:
 def _scored(flown: Sequence[Flown]) -> list[Scored]:
     """Return scores to learn from: not of what failed, was refused, or landed by the autopilot alone."""
     return [
-        (one["score"], f"{one['end']} {sorted(one['response'])}", Scenario.of(**one["scenario"]))
+        Scored(
+            one["score"],
+            min(one["response"].values(), default=1.0),
+            f"{one['end']} {sorted(one['response'])}",
+            Scenario.of(**one["scenario"]),
+        )
         for one in flown
         if one["end"] not in (TAKEN, REFUSED) and not is_failure(one)
     ]

@@ -2,20 +2,31 @@
 
 The best of all flights are soon alike: the search would end at what is always close, such as a tall hazard
 while the LiDAR fails, and never see what is late where it need not be. Niches are by behaviour, which is the
-end and what was answered, with a fault and without, and by fault. Those that lately became better are drawn
-from more often.
+end and what was answered, with a fault and without, and by fault. The best are those of the least score and
+those that answered latest: what is answered late while nothing is near becomes unsafe by one more change.
+Niches that lately became better are drawn from more often.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from tests.search.scenario import DEFAULTS, SPACE, Choice, Range, Scenario, draw, in_the_way, rounded
 
-Scored = tuple[float, str, Scenario]
-"""Score, behaviour and scenario of a flight."""
+
+@dataclass(frozen=True, slots=True)
+class Scored:
+    """Flight as the search sees it; less is better, of the score and of the response (1: at once)."""
+
+    score: float
+    response: float
+    behaviour: str
+    scenario: Scenario
+
+
 Niche = Callable[[str, Scenario], Hashable]
 NICHES: tuple[Niche, ...] = (
     lambda behaviour, scenario: (behaviour, scenario.values["fault"] == DEFAULTS["fault"]),
@@ -23,7 +34,7 @@ NICHES: tuple[Niche, ...] = (
 )
 FIRST = 40  # flights before anything is learnt
 NEW_SHARE = 0.25
-ELITE = 4  # of a niche
+ELITE = 4  # of a niche, by score, and by response
 LATELY, MORE_OFTEN = 60, 5.0  # flights ago; weight of a niche that became better since
 CHANGES = (1, 4)  # parameters that are drawn again
 NEAR = 0.12  # of a range: a change that is none to somewhere else
@@ -41,13 +52,17 @@ class _Elites:
     """Best scenarios of each niche of one kind."""
 
     def __init__(self, flown: Sequence[Scored], niche: Niche) -> None:
-        niches: dict[Hashable, list[tuple[float, int, Scenario]]] = {}
-        for number, (score, behaviour, scenario) in enumerate(flown):
-            niches.setdefault(niche(behaviour, scenario), []).append((score, number, scenario))
-        best = [sorted(niches[key], key=lambda one: one[:2])[:ELITE] for key in sorted(niches, key=str)]
-        lately = [max(number for _, number, _ in each) >= len(flown) - LATELY for each in best]
+        niches: dict[Hashable, list[int]] = {}
+        for number, one in enumerate(flown):
+            niches.setdefault(niche(one.behaviour, one.scenario), []).append(number)
+        best = [
+            sorted(niches[key], key=rank)[:ELITE]
+            for key in sorted(niches, key=str)
+            for rank in (lambda n: (flown[n].score, n), lambda n: (flown[n].response, flown[n].score, n))
+        ]
+        lately = [max(each) >= len(flown) - LATELY for each in best]
         weights = np.where(lately, MORE_OFTEN, 1.0)
-        self._best = [[scenario for _, _, scenario in each] for each in best]
+        self._best = [[flown[number].scenario for number in each] for each in best]
         self._shares = weights / weights.sum()
 
     def drawn(self, rng: np.random.Generator) -> Scenario:

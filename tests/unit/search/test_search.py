@@ -16,7 +16,7 @@ from tests.search import counts
 from tests.search.equality import figures
 from tests.search.flight import Outcome
 from tests.search.hunt import GENERATION, Hunt
-from tests.search.niche_search import FIRST, next_generation
+from tests.search.niche_search import FIRST, Scored, next_generation
 from tests.search.scenario import DEFAULTS, SPACE, Range, Scenario, one_trouble, read, uniform
 from tests.search.shrink import shrink
 
@@ -110,7 +110,10 @@ def test_failures_and_failsafes_are_no_examples(tmp_path: Path) -> None:
     assert len(hunt.run(70, failures=2)) == 1
     assert len(hunt.flown) == 70
     scenarios = [Scenario.of(**one["scenario"]) for one in hunt.flown]
-    learnt = [(one["score"], "safe []", s) for one, s in zip(hunt.flown[2:60], scenarios[2:60], strict=True)]
+    learnt = [
+        Scored(one["score"], 1.0, "safe []", s)
+        for one, s in zip(hunt.flown[2:60], scenarios[2:60], strict=True)
+    ]
     drawn = next_generation(np.random.default_rng([1, 3]), learnt, GENERATION)
     assert len(learnt) > FIRST
     assert scenarios[60:70] == drawn[:10]
