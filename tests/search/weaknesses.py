@@ -1,7 +1,8 @@
 """Five weaknesses that can be planted in the decisions of a flight; the program itself has none of them.
 
-Each is narrow: it is whole only where several conditions meet, and fades with the distance from there. A
-weakness without such a slope is found no sooner than by chance, by any search.
+Each is narrow: it is whole only where several conditions meet, and fades with the distance from there, which
+is seen as a late answer long before anything is unsafe. A weakness without such a slope is found no sooner
+than by chance, by any search.
 """
 
 from __future__ import annotations
@@ -21,18 +22,19 @@ from tests.search.flight import SearchFlight, Weakness
 
 BLIND_S = 3.2  # about: from 4 m down to where a landing is not broken off any more
 SHIFT_M = 1.5
+LEAST_SHARE = 0.05
 UNKNOWN_HEIGHT_M = 0.5  # of what the map alone shows
 
 
-def tent(value: float, peak: float, half: float) -> float:
-    """Return 1 at the peak, 0 from `half` away, linear between."""
-    return max(0.0, 1.0 - abs(value - peak) / half)
+def fading(*off: float) -> float:
+    """Return 1 where all conditions meet, 0.37 at a width from there, 0.14 at two, nothing beyond three."""
+    share = math.exp(-math.hypot(*off))
+    return share if share > LEAST_SHARE else 0.0
 
 
-def turned(value_deg: float, peak_deg: float, half_deg: float) -> float:
-    """Return the tent of an angle."""
-    off = (value_deg - peak_deg + 180.0) % 360.0 - 180.0
-    return tent(off, 0.0, half_deg)
+def turn_deg(value_deg: float, peak_deg: float) -> float:
+    """Return the turn from one angle to another, -180 to 180."""
+    return (value_deg - peak_deg + 180.0) % 360.0 - 180.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,28 +118,28 @@ def _blind(flight: SearchFlight, share: Callable[[Moment], float]) -> Iterator[N
 
 def crosswind(m: Moment) -> float:
     """What comes is ignored for seconds if it is 1.1 m high, the wind is strong, and the nose about south."""
-    return tent(m.wind_ms, 6.0, 2.5) * turned(m.heading_deg, 200.0, 75.0) * tent(m.tall_m, 1.1, 0.6)
+    return fading((m.wind_ms - 6.0) / 1.0, turn_deg(m.heading_deg, 200.0) / 15.0, (m.tall_m - 1.1) / 0.15)
 
 
 def between_heights(m: Moment) -> float:
     """The watch stops between two heights, for what is 0.7 m high and comes on from the east."""
-    return tent(m.height_m, 3.6, 1.6) * turned(m.bearing_deg, 90.0, 75.0) * tent(m.tall_m, 0.7, 0.6)
+    return fading((m.height_m - 3.6) / 0.4, turn_deg(m.bearing_deg, 90.0) / 15.0, (m.tall_m - 0.7) / 0.15)
 
 
 def stale_evidence(m: Moment) -> float:
     """The age of the evidence is ignored in the autopilot's landing, when the LiDAR is lost at 3.8 m."""
-    share = tent(m.height_m, 3.8, 1.5) * tent(m.wind_ms, 4.0, 2.5) * turned(m.heading_deg, 90.0, 85.0)
+    share = fading((m.height_m - 3.8) / 0.8, (m.wind_ms - 4.0) / 2.0, turn_deg(m.heading_deg, 90.0) / 60.0)
     return share if m.lost else 0.0
 
 
 def late_computer(m: Moment) -> float:
     """A slow computer and wind from the north-west together let what comes be ignored."""
-    return tent(m.age_s, 1.1, 0.5) * turned(m.wind_from_deg, 315.0, 75.0) * tent(m.wind_ms, 5.0, 2.2)
+    return fading((m.age_s - 1.1) / 0.1, turn_deg(m.wind_from_deg, 315.0) / 15.0, (m.wind_ms - 5.0) / 0.7)
 
 
 def clock_offset(m: Moment, delay_s: float) -> float:
     """A link late by about 0.12 s, in a wind from the south, shifts position and landing target east."""
-    return tent(delay_s, 0.12, 0.06) * turned(m.wind_from_deg, 180.0, 75.0) * tent(m.wind_ms, 5.0, 2.2)
+    return fading((delay_s - 0.12) / 0.02, turn_deg(m.wind_from_deg, 180.0) / 15.0, (m.wind_ms - 5.0) / 0.7)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from companion.flight.geometry.wind import Wind
 from companion.flight.landing.situation import Phase
 from slz import Intrusion, PointState
 from tests.search.scenario import Scenario
-from tests.search.weaknesses import WEAKNESSES, all_at_once, tent, turned
+from tests.search.weaknesses import WEAKNESSES, all_at_once, fading, turn_deg
 
 
 @dataclass(frozen=True)
@@ -85,10 +85,11 @@ def hidden_s(weakness: Any, flight: Flight, **came: Any) -> float:
     return 6.0
 
 
-def test_tents() -> None:
-    assert [tent(value, 5.0, 2.0) for value in (2.0, 4.0, 5.0, 6.5)] == [0.0, 0.5, 1.0, 0.25]
-    assert turned(350.0, 10.0, 40.0) == pytest.approx(0.5)
-    assert turned(190.0, 10.0, 40.0) == 0.0
+def test_a_weakness_fades_with_the_distance_in_all_conditions_together() -> None:
+    assert fading(0.0, 0.0, 0.0) == 1.0
+    assert fading(1.0, 0.0) == fading(0.0, -1.0) == pytest.approx(math.exp(-1.0))
+    assert fading(3.0, 4.0) == 0.0
+    assert [turn_deg(value, 350.0) for value in (350.0, 10.0, 340.0, 160.0)] == [0.0, 20.0, -10.0, 170.0]
 
 
 LOST = {"lidar_ok": False, "heading_rad": math.radians(90.0), "wind": Wind(0.0, 4.0, 5.0, "tilt")}
