@@ -34,8 +34,8 @@ NICHES: tuple[Niche, ...] = (
 )
 FIRST = 40  # flights before anything is learnt
 NEW_SHARE = 0.25
-ELITE = 4  # of a niche, by score, and by response
-LATELY, MORE_OFTEN = 60, 5.0  # flights ago; weight of a niche that became better since
+ELITE = 2  # of a niche, by score, and by response
+LATELY, MORE_OFTEN = 60, 20.0  # flights ago; weight of a niche that became better since
 CHANGES = (1, 4)  # parameters that are drawn again
 NEAR = 0.12  # of a range: a change that is none to somewhere else
 
