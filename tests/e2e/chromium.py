@@ -174,7 +174,8 @@ class Chromium:
                 str(event["params"]["exceptionDetails"].get("exception", {}).get("description"))
             )
         elif event.get("method") == "Log.entryAdded" and event["params"]["entry"]["level"] == "error":
-            self.errors.append(event["params"]["entry"]["text"])
+            entry = event["params"]["entry"]
+            self.errors.append(f"{entry['text']} {entry.get('url', '')}".strip())
 
     def _address(self) -> str:
         file, end = self._folder / "DevToolsActivePort", time.monotonic() + START_S
