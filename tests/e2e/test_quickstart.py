@@ -72,6 +72,7 @@ def test_simulator_and_program_apart_fly_and_serve_the_page(tmp_path: Path) -> N
         until(lambda: "autopilot connected" in said.read_text("utf-8"), 60, "autopilot")
         until(lambda: answer(page) == 200, 150, "page")
         until(lambda: "ready" in said.read_text("utf-8"), 150, "ready")
+        until(lambda: "parameters read" in said.read_text("utf-8"), 60, "parameters")
         assert simulator.poll() is None
         stop(companion)
         assert companion.returncode == 0, said.read_text("utf-8")[-2000:]

@@ -120,8 +120,13 @@ class Fitness:
         due = self._reader.due(vehicle.sysid, now)
         if not self._read and self._reader.settled and not self._awaited():
             self._read, self._ended_ns = True, now
-            self._read_once = True
             self._judge()
+            if not self._read_once:
+                log.info(
+                    "autopilot's parameters read: %s",
+                    f"{len(self.faults)} wrong" if self.faults else "all right",
+                )
+            self._read_once = True
             self._warn(flying)
         return due
 
