@@ -98,6 +98,7 @@ def not_mapped(feed: Feed, rerun: Rerun) -> list[str]:
     counts = rerun.assembler.statistics()
     reasons = {
         "out_of_range": "out of range (lidar_min_m, lidar_max_m)",
+        "repeated_picture": "of a picture that the LiDAR repeats",
         "vehicle": "of the vehicle itself",
         "dust": "of dust",
         "pitched": "of a sensor pitched too far",

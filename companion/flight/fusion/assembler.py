@@ -6,9 +6,12 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from companion.flight.fusion.georeference import Georeferencer
 from companion.flight.fusion.odometry.place_source import PlaceSource
 from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.fusion.repeated_picture import RepeatedPicture
 from companion.flight.fusion.vehicle_and_dust_filter import VehicleAndDustFilter
 from companion.flight.sensors.returns import Returns, join
 from params import Parameters
@@ -61,6 +64,7 @@ class ScanAssembler:
         self._odometry = odometry
         self._georeferencer = Georeferencer(parameters)
         self._filter = VehicleAndDustFilter(parameters)
+        self._repeated = RepeatedPicture()
         self._waiting: deque[tuple[int, Returns]] = deque()  # with the newest stamp of each batch
         self._n_waiting = 0
         self._gathered: list[Returns] = []
@@ -85,6 +89,7 @@ class ScanAssembler:
             "out_of_range": self._georeferencer.out_of_range,
             "without_pose": self._georeferencer.without_pose,
             "pitched": self._georeferencer.pitched,
+            "repeated_picture": self._repeated.returns,
             "vehicle": self._filter.vehicle,
             "dust": self._filter.dust,
             "specks": 0 if self._specks is None else self._specks.specks,
@@ -106,14 +111,25 @@ class ScanAssembler:
             self._emit()
 
     def _emit(self) -> None:
-        scan = self._georeferencer.georeference(self._filter.filter(join(self._gathered)), self._history)
+        returns = self._filter.filter(join(self._gathered))
         self._gathered = []
+        if self._repeats(returns):
+            return
+        scan = self._georeferencer.georeference(returns, self._history)
         if scan is not None:
             self.scans += 1
             if self._odometry is not None:
                 self._odometry.add(scan)
             placed = self._history.correction_at(int(scan.stamp_ns[-1])).scan(scan)
             self._on_scan(self._judged(placed))
+
+    def _repeats(self, returns: Returns) -> bool:
+        """Return whether the LiDAR repeats what it saw from another height: it shows nothing of now."""
+        newest_ns = int(returns.stamp_ns[-1]) if len(returns) else 0
+        up_m = self._history.interpolate(np.array([newest_ns])).position_enu_m[0, 2]
+        if not np.isfinite(up_m):
+            return False
+        return self._repeated.is_repeated(returns.xyz_sensor_m, float(up_m), newest_ns)
 
     def _judged(self, scan: Scan) -> Scan:
         """Return a scan with the kinds of its returns, by rays since the last jump of the position."""

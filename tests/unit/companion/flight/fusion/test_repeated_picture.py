@@ -1,0 +1,69 @@
+"""A LiDAR that repeats one picture is recognised from another height, and nothing true is taken for it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from companion.flight.fusion.repeated_picture import RepeatedPicture
+
+N, SCAN_S, S = 2_000, 0.05, 1_000_000_000
+RNG = np.random.default_rng(7)
+
+
+def picture(n: int = N) -> NDArray[np.float32]:
+    """Return what a sensor sees of rough ground, to the millimetre."""
+    return np.asarray(np.round(RNG.normal(0.0, 3.0, (n, 3)), 3), np.float32)
+
+
+def judged(
+    pictures: list[NDArray[np.float32]], sink_ms: float, memory: RepeatedPicture | None = None
+) -> list[bool]:
+    """Return the verdicts on pictures of a descent from 10 m."""
+    memory = RepeatedPicture() if memory is None else memory
+    return [
+        memory.is_repeated(one, 10.0 - sink_ms * k * SCAN_S, round(k * SCAN_S * S))
+        for k, one in enumerate(pictures)
+    ]
+
+
+@pytest.mark.parametrize("sink_ms", [0.5, 1.0, -2.0])
+def test_a_frozen_picture_is_recognised_within_a_fifth_of_a_metre(sink_ms: float) -> None:
+    verdicts = judged([picture()] * 100, sink_ms)
+    begun = verdicts.index(True)
+    assert 0.14 < abs(sink_ms) * begun * SCAN_S < 0.21
+    assert all(verdicts[begun:])
+
+
+def test_several_pictures_in_turn_are_recognised_too() -> None:
+    turns = [picture() for _ in range(8)]
+    assert all(judged(turns * 10, 1.0)[11:])
+
+
+def test_a_vehicle_that_stands_may_see_the_same_for_ever() -> None:
+    assert not any(judged([picture()] * 100, 0.0))
+
+
+def test_new_pictures_are_none_whatever_was_seen_before() -> None:
+    memory = RepeatedPicture()
+    frozen = picture()
+    assert not any(judged([picture() for _ in range(100)], 1.0))
+    assert judged([frozen] * 40 + [picture() for _ in range(5)], 1.0, memory)[39:] == [True] + [False] * 5
+    assert memory.returns == (40 - 3) * N
+
+
+def test_half_a_picture_that_repeats_is_a_wall() -> None:
+    wall = picture(N // 2)
+    assert not any(judged([np.concatenate([wall, picture(N // 2)]) for _ in range(60)], 1.0))
+
+
+def test_few_returns_and_none_are_not_judged() -> None:
+    for n in (0, 1, 100):
+        assert not any(judged([picture(n)] * 60, 1.0))
+
+
+def test_a_clock_that_was_set_back_begins_anew() -> None:
+    memory, frozen = RepeatedPicture(), picture()
+    assert any(judged([frozen] * 20, 1.0, memory))
+    assert judged([frozen] * 3, 1.0, memory) == [False] * 3
