@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 CLIMBED_M = 0.15  # difference in height beyond that of any estimate's noise within the memory
 REMEMBERED_NS = 1_500_000_000  # since a return was last seen
 ONE_OF = 32  # returns that are remembered, chosen by their own bits
-LEAST = 12  # such returns in a scan, to judge it
+LEAST = 12  # different ones of them in a scan, to judge it
 SHARE = 0.8
 FACTORS = np.array([0x9E3779B1, 0x85EBCA77, 0xC2B2AE3D], np.uint64)
 
@@ -48,7 +48,7 @@ class RepeatedPicture:
         """
         bits = xyz_sensor_m.view(np.uint32).astype(np.uint64) * FACTORS
         digests = np.bitwise_xor.reduce(bits, axis=1) >> np.uint64(7)
-        chosen = digests[digests % np.uint64(ONE_OF) == 0].tolist()
+        chosen = set(digests[digests % np.uint64(ONE_OF) == 0].tolist())
         self._forget(stamp_ns)
         again = 0
         for digest in chosen:
