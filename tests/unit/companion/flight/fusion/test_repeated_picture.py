@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from companion.flight.fusion.repeated_picture import RepeatedPicture
+from companion.flight.fusion.repeated_picture import MOST, RepeatedPicture
 
 N, SCAN_S, S = 2_000, 0.05, 1_000_000_000
 RNG = np.random.default_rng(7)
@@ -67,3 +67,11 @@ def test_a_clock_that_was_set_back_begins_anew() -> None:
     memory, frozen = RepeatedPicture(), picture()
     assert any(judged([frozen] * 20, 1.0, memory))
     assert judged([frozen] * 3, 1.0, memory) == [False] * 3
+
+
+def test_stamps_that_stand_still_fill_no_memory() -> None:
+    memory = RepeatedPicture()
+    for k in range(300):
+        memory.is_repeated(picture(20_000), 10.0 - 0.01 * k, S)
+    memory.is_repeated(picture(0), 0.0, S)
+    assert len(memory) <= MOST
