@@ -290,7 +290,7 @@ class Parameters(BaseModel):
             "SLZ_ODOMETRY",
             "",
             OURS,
-            "Users of the position of LiDAR or --ros2-odometry: none, map and landing, autopilot too.",
+            "Use of the LiDAR's or --ros2-odometry's position: none, map and landing, or autopilot too.",
         ),
     ] = "off"
     hold_s: Annotated[

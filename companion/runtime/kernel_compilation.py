@@ -57,10 +57,8 @@ def is_first_of_simulator() -> bool:
     """Return whether the simulator's compiled kernels are missing or of other sources than it has now."""
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return False
-    sources, compiled = (
-        {path: path.read_bytes() for path in sorted((ROOT / "sitl").rglob("*.py"))},
-        _compiled(),
-    )
+    compiled = _compiled()
+    sources = {path: path.read_bytes() for path in sorted((ROOT / "sitl").rglob("*.py"))}
     whole = hashlib.sha256()
     for content in sources.values():
         whole.update(content)

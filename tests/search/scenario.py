@@ -137,7 +137,7 @@ def one_trouble(rng: np.random.Generator) -> Scenario:
 def in_the_way(rng: np.random.Generator) -> Scenario:
     """Draw as `uniform`, but mostly what must be answered: a hazard in the way, a LiDAR that falls silent.
 
-    Of five scenarios two have no fault, and one has this.
+    Two of five scenarios have no fault, and one of five has a LiDAR that falls silent.
     """
     scenario, aside = uniform(rng), SPACE["hazard_aside_m"]
     assert isinstance(aside, Range)

@@ -90,7 +90,7 @@ class Fitness:
     def _critical(self) -> list[str]:
         """Return the names of critical parameters that are wrong or unread.
 
-        One that some versions lack counts as unread until the autopilot has not answered for it.
+        One that some versions lack is left out once the autopilot is taken to be without it.
         """
         values = self.values
         return [

@@ -92,7 +92,7 @@ class ParameterReader:
             self.absent.discard(name)
 
     def _is_over(self, row: Required) -> bool:
-        return self.knows(row.name) or self.is_unanswered(row.name)
+        return row.name in self.values or self.is_unanswered(row.name)
 
     def _tries(self, name: str) -> int:
         return self._asked.get(name, (0, 0))[0]
