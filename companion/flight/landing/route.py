@@ -10,7 +10,7 @@ import numpy as np
 
 from companion.flight.landing.expanding_square import expanding_square
 from companion.flight.landing.guidance import course_rad, level, towards
-from companion.flight.landing.situation import Situation, Vector, VehicleCommands
+from companion.flight.landing.situation import Situation, Vector, VehicleCommands, known
 from params import Parameters
 from slz.points.mapping_reach import reach_m
 
@@ -93,11 +93,11 @@ class Route:
             offset = self._corner - position_enu_m[:2]
         return np.asarray(offset)
 
-    def commands_towards(self, position_enu_m: Vector, offset_m: Vector, speed_ms: float) -> VehicleCommands:
+    def commands_towards(self, s: Situation, offset_m: Vector, speed_ms: float) -> VehicleCommands:
         """Return the commands that cover an offset (2,) at the route's height."""
-        climb = level(self.height_m - float(position_enu_m[2]), self._p.climb_speed_ms)
-        horizontal = towards(offset_m, speed_ms)
-        course = course_rad(horizontal) if float(np.hypot(*offset_m)) > TURN_M else None
+        climb = level(self.height_m - float(known(s.position_enu_m)[2]), self._p.climb_speed_ms)
+        horizontal = towards(offset_m, speed_ms, known(s.velocity_enu_ms))
+        course = course_rad(offset_m) if float(np.hypot(*offset_m)) > TURN_M else None
         yaw = None if course is None else course + math.radians(self._p.crab_deg)
         return VehicleCommands(velocity_enu_ms=np.array([*horizontal, climb]), yaw_rad=yaw)
 

@@ -14,7 +14,7 @@ from companion.flight.landing.situation import Severity, Situation, Vector, know
 from slz import SurfaceHere
 
 LEAST_SHARE, MOST_WATER = 0.5, 0.9  # suspicions worth a look: of `water_suspicion`, and a probability
-LOOK_NS = 15 * SECOND
+LOOK_NS = 17 * SECOND
 INCIDENCE_DEG = 45.0
 NEAREST_M, FARTHEST_M = 5.0, 25.0  # radius of the ring
 N_CORNERS = 8

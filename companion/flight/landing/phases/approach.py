@@ -118,8 +118,8 @@ class Approach:
             return state.break_off("point not seen" + state.water_suffix(s), s)
         speed_ms = state.parameters.approach_speed_ms
         if look is not None:
-            return state.route.commands_towards(position, look, min(look_ms, speed_ms))
-        commands = state.route.commands_towards(position, offset, speed_ms)
+            return state.route.commands_towards(s, look, min(look_ms, speed_ms))
+        commands = state.route.commands_towards(s, offset, speed_ms)
         if state.aim.away_m < TURN_M and judged is PointState.SAFE:
             into_wind_rad = state.into_wind.heading_rad
             return replace(commands, yaw_rad=touchdown_heading_rad(s.selected, s.heading_rad, into_wind_rad))
@@ -131,7 +131,7 @@ class Approach:
         offset = self._out.offset(s)
         path = self._out.path
         if offset is not None:
-            return state.route.commands_towards(known(s.position_enu_m), offset, speed_ms)
+            return state.route.commands_towards(s, offset, speed_ms)
         self._over_since_ns = self._standing_since_ns = state.safe_since_ns = None
         if path is None:  # back over the point, to choose again
             state.restart_limit(s)

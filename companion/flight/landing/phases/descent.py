@@ -82,7 +82,8 @@ class Descent:
             return VehicleCommands(mode="land", target_enu_m=target)
         floor = p.final_height_m - BELOW_FINAL_M - left_m
         sink = level(min(0.0, floor), p.descent_speed_ms) if stands and away_m < SINK_WITHIN_M else 0.0
-        horizontal = towards(target[:2] - known(s.position_enu_m)[:2], p.approach_speed_ms)
+        offset = target[:2] - known(s.position_enu_m)[:2]
+        horizontal = towards(offset, p.approach_speed_ms, known(s.velocity_enu_ms))
         heading = touchdown_heading_rad(s.selected, s.heading_rad, state.into_wind.heading_rad)
         return VehicleCommands(
             velocity_enu_ms=np.array([*horizontal, sink]), yaw_rad=heading, target_enu_m=target
@@ -90,7 +91,7 @@ class Descent:
 
     def _on_path(self, path: ApproachPath, s: Situation) -> VehicleCommands:
         """Fly down an approach path, and hand over to LAND from the hover at its end."""
-        state, position = self._state, known(s.position_enu_m)
+        state, position, velocity = self._state, known(s.position_enu_m), known(s.velocity_enu_ms)
         away_m, target = state.aim.away_m, state.aim.on_ground_enu_m
         if not s.blocked or s.now_ns - state.since_ns < BLOCKED_NS:
             self._free_ns = s.now_ns
@@ -108,7 +109,7 @@ class Descent:
         if away_m < TURN_FROM_M:
             yaw_rad = touchdown_heading_rad(s.selected, s.heading_rad, state.into_wind.heading_rad)
         return VehicleCommands(
-            velocity_enu_ms=path.velocity_enu_ms(position, target, state.parameters),
+            velocity_enu_ms=path.velocity_enu_ms(position, velocity, target, state.parameters),
             yaw_rad=yaw_rad,
             target_enu_m=target if away_m <= TARGET_FROM_M else None,
         )

@@ -65,9 +65,9 @@ class Survey:
         position = known(s.position_enu_m)
         aside = self._look_aside(s)
         if aside is not None:
-            return state.route.commands_towards(position, aside, state.parameters.approach_speed_ms)
+            return state.route.commands_towards(s, aside, state.parameters.approach_speed_ms)
         offset = state.route.to_corner(position, state.way(s))
-        return state.route.commands_towards(position, offset, state.parameters.survey_speed_ms)
+        return state.route.commands_towards(s, offset, state.parameters.survey_speed_ms)
 
     def take_over(self, s: Situation) -> VehicleCommands:
         """Request the guided mode after an emergency order; give up if the autopilot refuses."""

@@ -57,8 +57,10 @@ class ApproachPath:
         """Return the horizontal distance of a position from the path's line."""
         return abs(float(np.dot(position_enu_m[:2] - point_enu_m[:2], _right(self.outward))))
 
-    def velocity_enu_ms(self, position_enu_m: Vector, point_enu_m: Vector, parameters: Parameters) -> Vector:
-        """Return the velocity (3,) along the path towards the point.
+    def velocity_enu_ms(
+        self, position_enu_m: Vector, now_enu_ms: Vector, point_enu_m: Vector, parameters: Parameters
+    ) -> Vector:
+        """Return the velocity (3,) along the path towards the point, at the present one.
 
         The speed is such that the descent does not exceed `descent_speed_ms`; off the path's height it falls,
         to zero at 4 m, so that the vehicle joins the path before it follows it.
@@ -68,7 +70,8 @@ class ApproachPath:
         error_m = self.height_m(along) - float(offset[2])
         share = 1 - (abs(error_m) - ON_PATH_M) / (OFF_PATH_M - ON_PATH_M)
         speed_ms = min(p.approach_speed_ms, p.descent_speed_ms / self.rise) * min(1.0, max(0.0, share))
-        inward = towards(-along * self.outward, speed_ms)
+        outward_ms = float(now_enu_ms[:2] @ self.outward)
+        inward = towards(-along * self.outward, speed_ms, outward_ms * self.outward)
         back_ms = max(-ASIDE_MS, min(ASIDE_MS, -ASIDE_GAIN_PER_S * aside))
         falls_ms = self.rise * float(inward @ self.outward) if along > 0 else 0.0  # negative on the way in
         climb_ms = level(error_m, p.descent_speed_ms) + falls_ms

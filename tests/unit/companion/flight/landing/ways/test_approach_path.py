@@ -22,9 +22,10 @@ def path(bearing_deg: float = 90.0) -> ApproachPath:
 
 def flown(at: ApproachPath, start_enu_m: np.ndarray, seconds: float) -> np.ndarray:
     """Return the positions (n, 3) of a vehicle that obeys the path's velocity."""
-    position, track = start_enu_m.astype(float), []
+    position, velocity, track = start_enu_m.astype(float), np.zeros(3), []
     for _ in range(round(seconds / STEP_S)):
-        position = position + at.velocity_enu_ms(position, np.zeros(3), PARAMETERS) * STEP_S
+        velocity = at.velocity_enu_ms(position, velocity, np.zeros(3), PARAMETERS)
+        position = position + velocity * STEP_S
         track.append(position.copy())
     return np.array(track)
 
@@ -65,7 +66,8 @@ def test_the_sink_rate_stays_within_its_limit() -> None:
     parameters = params.load("quadcopter")
     for height in (38.0, 20.0, 8.0):
         away = (height - 3.5) / steep.rise
-        velocity = steep.velocity_enu_ms(np.array([0.0, away, height]), np.zeros(3), parameters)
+        position = np.array([0.0, away, height])
+        velocity = steep.velocity_enu_ms(position, np.zeros(3), np.zeros(3), parameters)
         assert -parameters.descent_speed_ms - 1e-9 <= velocity[2] < 0
 
 
