@@ -165,6 +165,8 @@ class Companion:
         self.lidar: Lidar = open_lidar(
             lidar_url, parameters, self.assembler.add, self.link, wall_offset_ns, self.ros
         )
+        if self.lidar.diagnosis is not None:
+            self.lidar.diagnosis.repeated = lambda: self.assembler.repeated
         if own is not None:
             self.lidar.on_imu(own.gyro.add_samples)
             self.link.on_attitude.subscribe(own.gyro.add_attitude)

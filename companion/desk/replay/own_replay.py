@@ -77,6 +77,8 @@ class Replay:
         self._sensors = RecordedSensors(header, parameters, self._on_returns)
         history, odometry = self._sensors.history, self._sensors.odometry
         self._assembler = ScanAssembler(parameters, history, self._on_scan, SpeckDetector(), odometry)
+        if self._sensors.diagnosis is not None:
+            self._sensors.diagnosis.repeated = lambda: self._assembler.repeated
         self._pipeline = Pipeline(parameters)
         self._scans: deque[tuple[int, Scan]] = deque(maxlen=MOST_SCANS)
         self._before = header.scans

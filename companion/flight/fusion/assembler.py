@@ -11,7 +11,7 @@ import numpy as np
 from companion.flight.fusion.georeference import Georeferencer
 from companion.flight.fusion.odometry.place_source import PlaceSource
 from companion.flight.fusion.pose_history import PoseHistory
-from companion.flight.fusion.repeated_picture import RepeatedPicture
+from companion.flight.fusion.repeated_picture import RepeatedPicture, View
 from companion.flight.fusion.vehicle_and_dust_filter import VehicleAndDustFilter
 from companion.flight.sensors.returns import Returns, join
 from params import Parameters
@@ -81,6 +81,11 @@ class ScanAssembler:
         self._place_bracketed()
         self._drop_stale(newest_ns)
 
+    @property
+    def repeated(self) -> int:
+        """Returns of scans that repeated a picture of before."""
+        return self._repeated.returns
+
     def statistics(self) -> dict[str, int]:
         """Return the counts of emitted scans and of dropped returns by reason."""
         return {
@@ -89,7 +94,7 @@ class ScanAssembler:
             "out_of_range": self._georeferencer.out_of_range,
             "without_pose": self._georeferencer.without_pose,
             "pitched": self._georeferencer.pitched,
-            "repeated_picture": self._repeated.returns,
+            "repeated_picture": self.repeated,
             "vehicle": self._filter.vehicle,
             "dust": self._filter.dust,
             "specks": 0 if self._specks is None else self._specks.specks,
@@ -124,12 +129,13 @@ class ScanAssembler:
             self._on_scan(self._judged(placed))
 
     def _repeats(self, returns: Returns) -> bool:
-        """Return whether the LiDAR repeats what it saw from another height: it shows nothing of now."""
+        """Return whether the LiDAR repeats what it saw in another view: it shows nothing of now."""
         newest_ns = int(returns.stamp_ns[-1]) if len(returns) else 0
-        up_m = self._history.interpolate(np.array([newest_ns])).position_enu_m[0, 2]
-        if not np.isfinite(up_m):
+        pose = self._history.interpolate(np.array([newest_ns]))
+        if not pose.valid[0]:
             return False
-        return self._repeated.is_repeated(returns.xyz_sensor_m, float(up_m), newest_ns)
+        view = View(float(pose.position_enu_m[0, 2]), pose.rotation_enu_from_frd[0, 2])
+        return self._repeated.is_repeated(returns.xyz_sensor_m, view, newest_ns)
 
     def _judged(self, scan: Scan) -> Scan:
         """Return a scan with the kinds of its returns, by rays since the last jump of the position."""

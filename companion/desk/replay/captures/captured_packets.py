@@ -65,6 +65,7 @@ class CapturedPackets:
         stream = self._stream = PacketStream(decoder, rerun.parameters, rerun.add_returns, lambda: 0)
         stream.on_imu.subscribe(rerun.on_imu.emit)
         rerun.diagnosis = stream.diagnosis
+        rerun.diagnosis.repeated = lambda: rerun.assembler.repeated
         see = _BatchDecoder(stream)
         at_ns = 0
         for datagram in self._capture.datagrams():

@@ -149,6 +149,17 @@ def two_sensors() -> Explanation:
     )
 
 
+def repeats() -> Explanation:
+    """One picture again and again, with new stamps."""
+    return Explanation(
+        "LiDAR repeats one picture: restart it",
+        "the LiDAR sends the same returns again, with new stamps, while the vehicle moves: they show nothing"
+        " of now and are not used",
+        "restart the sensor; if it does so again, update its firmware or replace it",
+        "fail",
+    )
+
+
 # ---- something is missing --------------------------------------------------------------------------
 
 

@@ -119,6 +119,8 @@ class LidarDiagnosis:
     surroundings
         Returns what is known of the sensor beside its packets; called at each look without points, and
         where packets are missing.
+    repeated
+        Returns how many returns were recognised as those of a picture that came before.
     """
 
     def __init__(
@@ -146,6 +148,7 @@ class LidarDiagnosis:
         self._active: dict[str, Episode] = {}
         self._past: deque[Episode] = deque(maxlen=FORGOTTEN)
         self.surroundings: Callable[[], Surroundings] = Surroundings
+        self.repeated: Callable[[], int] = int
 
     @property
     def active(self) -> list[Episode]:
@@ -230,6 +233,7 @@ class LidarDiagnosis:
             imu=imu,
             unfit=self._unfit,
             dropped=dropped,
+            repeated=self.repeated(),
             covered_ns=signs.covered_ns,
             azimuth_packets=np.array(signs.azimuth_packets, np.int64),
             seen=picture.seen.copy(),
@@ -284,6 +288,8 @@ class LidarDiagnosis:
             shown["spoilt"] = explain.spoilt(look.spoilt / arrived)
         if look.foreign >= LEAST_SPOILT:
             shown["two_sensors"] = explain.two_sensors()
+        if look.repeated:
+            shown["repeats"] = explain.repeats()
         if now_ns - self._gap_at_ns < SHOWN_NS:
             shown["pauses"] = explain.pauses(self._gap_ns * 1e-9)
         if len(self._looks) <= SPAN:

@@ -26,6 +26,8 @@ class StreamLook:
         Packets of this maker that the decoder cannot use.
     dropped
         Packets that the kernel dropped.
+    repeated
+        Returns of pictures that the sensor had sent before.
     azimuth_packets, seen, near, close, lines
         See `PacketSigns` and `Picture`.
     """
@@ -40,6 +42,7 @@ class StreamLook:
     imu: int
     unfit: int
     dropped: int
+    repeated: int
     covered_ns: int
     azimuth_packets: Counts
     seen: Counts

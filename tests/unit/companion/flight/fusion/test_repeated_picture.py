@@ -1,12 +1,14 @@
-"""A LiDAR that repeats one picture is recognised from another height, and nothing true is taken for it."""
+"""A LiDAR that repeats one picture is recognised from another height or tilt, and nothing true is."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from companion.flight.fusion.repeated_picture import MOST, RepeatedPicture
+from companion.flight.fusion.repeated_picture import MOST, RepeatedPicture, View
 
 N, SCAN_S, S = 2_000, 0.05, 1_000_000_000
 RNG = np.random.default_rng(7)
@@ -17,13 +19,23 @@ def picture(n: int = N) -> NDArray[np.float32]:
     return np.asarray(np.round(RNG.normal(0.0, 3.0, (n, 3)), 3), np.float32)
 
 
+def level(up_m: float) -> View:
+    return View(up_m, np.array([0.0, 0.0, -1.0]))
+
+
+def tilted(roll_deg: float) -> View:
+    """Return a view at 10 m, with the vehicle rolled."""
+    roll = math.radians(roll_deg)
+    return View(10.0, np.array([0.0, -math.sin(roll), -math.cos(roll)]))
+
+
 def judged(
     pictures: list[NDArray[np.float32]], sink_ms: float, memory: RepeatedPicture | None = None
 ) -> list[bool]:
     """Return the verdicts on pictures of a descent from 10 m."""
     memory = RepeatedPicture() if memory is None else memory
     return [
-        memory.is_repeated(one, 10.0 - sink_ms * k * SCAN_S, round(k * SCAN_S * S))
+        memory.is_repeated(one, level(10.0 - sink_ms * k * SCAN_S), round(k * SCAN_S * S))
         for k, one in enumerate(pictures)
     ]
 
@@ -39,6 +51,15 @@ def test_a_frozen_picture_is_recognised_within_a_fifth_of_a_metre(sink_ms: float
 def test_several_pictures_in_turn_are_recognised_too() -> None:
     turns = [picture() for _ in range(8)]
     assert all(judged(turns * 10, 1.0)[11:])
+
+
+@pytest.mark.parametrize("most_deg", [1.0, 2.0, -8.0])
+def test_in_level_flight_a_change_of_tilt_tells(most_deg: float) -> None:
+    memory, frozen = RepeatedPicture(), picture()
+    verdicts = [
+        memory.is_repeated(frozen, tilted(most_deg * k / 20), round(k * SCAN_S * S)) for k in range(21)
+    ]
+    assert verdicts == [abs(most_deg * k / 20) > 1.5 for k in range(21)]
 
 
 def test_a_vehicle_that_stands_may_see_the_same_for_ever() -> None:
@@ -72,6 +93,6 @@ def test_a_clock_that_was_set_back_begins_anew() -> None:
 def test_stamps_that_stand_still_fill_no_memory() -> None:
     memory = RepeatedPicture()
     for k in range(300):
-        memory.is_repeated(picture(20_000), 10.0 - 0.01 * k, S)
-    memory.is_repeated(picture(0), 0.0, S)
+        memory.is_repeated(picture(20_000), level(10.0 - 0.01 * k), S)
+    memory.is_repeated(picture(0), level(0.0), S)
     assert len(memory) <= MOST

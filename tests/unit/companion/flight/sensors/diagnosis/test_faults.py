@@ -63,6 +63,18 @@ def test_a_fault_is_told_once_and_its_end_is_known() -> None:
     assert 6e9 < episode.began_ns <= episode.ended_ns < 9e9
 
 
+def test_a_picture_that_repeats_is_named_alone_and_only_while_it_does() -> None:
+    bench = Bench(loop_of("vlp16"))
+    repeated = iter([0] * 20 + list(range(300, 3_300, 300)) + [3_000] * 1_000)
+    bench.stream.diagnosis.repeated = lambda: next(repeated)
+    bench.feed(bench.arrivals(0, bench.number_at(20.0)))
+    assert [told.cause for told in bench.told] == ["repeats"]
+    (episode,) = bench.episodes
+    assert episode.ended_ns is not None
+    assert 4.9e9 < episode.began_ns < 5.6e9
+    assert 7e9 < episode.ended_ns < 9e9
+
+
 def test_losses_now_and_then_are_one_episode() -> None:
     bench = Bench(loop_of("vlp16"))
     bench.feed(bench.arrivals(0, bench.number_at(5.0)))
