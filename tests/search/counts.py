@@ -13,7 +13,7 @@ import numpy as np
 from companion.desk.evidence.landing_counts import counts_document
 from companion.runtime.program_version import program_version
 from tests.search.flight import ENDS, Outcome
-from tests.search.flights import outcomes
+from tests.search.flights import flying
 from tests.search.scenario import Scenario, one_trouble
 
 KEEP_EVERY = 10
@@ -42,10 +42,11 @@ def count(
     """
     counts = read(path, seed)
     scenarios = [numbered(counts["seed"], number, draw) for number in range(counts["landings"], landings)]
-    for scenario, outcome in zip(scenarios, outcomes(fly, scenarios, jobs), strict=True):
-        _add(counts, scenario, outcome)
-        if counts["landings"] % KEEP_EVERY == 0 or counts["landings"] == landings:
-            _write(path, counts)
+    with flying(fly, jobs) as fly_all:
+        for scenario, outcome in zip(scenarios, fly_all(scenarios), strict=True):
+            _add(counts, scenario, outcome)
+            if counts["landings"] % KEEP_EVERY == 0 or counts["landings"] == landings:
+                _write(path, counts)
     return counts
 
 

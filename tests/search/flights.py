@@ -5,21 +5,25 @@ from __future__ import annotations
 import gc
 import logging
 import multiprocessing
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from functools import partial
 
 from tests.search.flight import Outcome
 from tests.search.scenario import Scenario
 
 Fly = Callable[[Scenario], Outcome]
+FlyAll = Callable[[Iterable[Scenario]], Iterator[Outcome]]
 
 
-def outcomes(fly: Fly, scenarios: Sequence[Scenario], jobs: int) -> Iterator[Outcome]:
-    """Yield the outcomes in the order of the scenarios; with several jobs, `fly` must be picklable."""
+@contextmanager
+def flying(fly: Fly, jobs: int) -> Iterator[FlyAll]:
+    """Yield what gives the outcomes of scenarios in order; with several jobs, `fly` must be picklable."""
     if jobs == 1:
-        yield from map(fly, scenarios)
+        yield partial(map, fly)
         return
     with multiprocessing.get_context("forkserver").Pool(jobs, _quiet) as pool:
-        yield from pool.imap(fly, scenarios)
+        yield partial(pool.imap, fly)
 
 
 def _quiet() -> None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from tests.search.flight import REFUSED, TAKEN, Outcome
-from tests.search.flights import Fly, outcomes
+from tests.search.flights import Fly, FlyAll, flying
 from tests.search.niche_search import Scored, next_generation
 from tests.search.scenario import Scenario
 
@@ -55,16 +55,21 @@ class Hunt:
 
     def run(self, budget: int, *, failures: int = 1) -> list[Scenario]:
         """Fly until as many failures are found or the budget is flown; return the failures."""
+        if len(self.flown) < budget and len(self.failures) < failures:
+            with flying(self._fly, self._jobs) as fly_all:
+                self._fly_generations(fly_all, budget, failures)
+        return self.failures
+
+    def _fly_generations(self, fly_all: FlyAll, budget: int, failures: int) -> None:
         while len(self.flown) < budget and len(self.failures) < failures:
             generation, done = divmod(len(self.flown), GENERATION)
             rng = np.random.default_rng([self._seed, generation])
             scored = _scored(self.flown[: generation * GENERATION])
             scenarios = next_generation(rng, scored, GENERATION)[done:]
-            for scenario, outcome in zip(scenarios, outcomes(self._fly, scenarios, self._jobs), strict=True):
+            for scenario, outcome in zip(scenarios, fly_all(scenarios), strict=True):
                 self._note(scenario, outcome)
                 if len(self.flown) >= budget or len(self.failures) >= failures:
                     break
-        return self.failures
 
     def _note(self, scenario: Scenario, outcome: Outcome) -> None:
         flown = {"scenario": dict(scenario.values)} | asdict(outcome)
