@@ -9,7 +9,7 @@ from sitl.world.primitives import Box, Ellipsoid, Kind
 from tests.search.scenario import Scenario
 
 FROM_M = 5.0
-IN_WAY_M = 1.0  # from the landing point to its side
+ANSWERED_M = 2.0  # from the landing point to its side: the companion breaks off for what stops nearer
 POST_M = 0.3  # side of a post: so few pulses seldom hit a thinner one
 
 
@@ -20,10 +20,6 @@ class Hazard(Intruder):
     ----------
     parts
         Boxes and balls about its own origin.
-    is_in_way
-        Whether it stops where the vehicle comes down.
-    arrives_ns
-        When it stops in its place, None before it starts.
     """
 
     what = "hazard"
@@ -33,14 +29,19 @@ class Hazard(Intruder):
         super().__init__(scenario.number("hazard_below_m"))
         self.parts = (_shape(scenario),)
         self._aside_m = scenario.number("hazard_aside_m")
-        self.is_in_way = self._aside_m - self.parts[0].bounds()[3] < IN_WAY_M
+        self._is_answered = self._aside_m - self.parts[0].bounds()[3] < ANSWERED_M
         self._aside_rad = math.radians(scenario.number("hazard_aside_deg"))
         self._from_rad = math.radians(scenario.number("hazard_from_deg"))
         self._speed_ms = scenario.number("hazard_speed_ms")
 
-    @property
-    def arrives_ns(self) -> int | None:
-        return None if self.started_ns is None else self.started_ns + round(FROM_M / self._speed_ms * 1e9)
+    def late_ns(self, reacted_ns: int) -> int | None:
+        """Return the time from its arrival to an answer, below zero while it comes.
+
+        None if it had not started, or stops so far from the point that it needs no answer.
+        """
+        if self.started_ns is None or reacted_ns < self.started_ns or not self._is_answered:
+            return None
+        return reacted_ns - self.started_ns - round(FROM_M / self._speed_ms * 1e9)
 
     def start(self, s: SimulatedFlight) -> None:
         s.scene.world.add_mover(self.what, self.parts, *self._at(FROM_M), 0.0)

@@ -124,13 +124,15 @@ def response_of(
 ) -> dict[str, float]:
     """Return the parts of the response to what happened, by name.
 
-    reaction: time from the arrival of a hazard that is in the way to when the landing was broken off or
-    waited; absent if neither was. silence: time from when the LiDAR fell silent to that, if it was before the
-    end of the silence. accuracy: distance of the touchdown from the ordered point, as the autopilot knew it.
+    reaction: time from the arrival of a hazard that is answered to when the landing was broken off or waited,
+    below zero while it was still coming; absent if neither was. silence: time from when the LiDAR fell silent
+    to that, if it was before the end of the silence. accuracy: distance of the touchdown from the ordered
+    point, as the autopilot knew it.
     """
     parts = {}
-    if hazard is not None and hazard.is_in_way and hazard.arrives_ns is not None and reacted_ns is not None:
-        parts["reaction"] = _left(reacted_ns - hazard.arrives_ns)
+    late_ns = None if hazard is None or reacted_ns is None else hazard.late_ns(reacted_ns)
+    if late_ns is not None:
+        parts["reaction"] = _left(late_ns)
     if silence is not None and silence.begun_ns is not None and reacted_ns is not None:
         late_ns = reacted_ns - silence.begun_ns
         if 0 <= late_ns <= silence.lasts_ns:
@@ -145,7 +147,7 @@ def response_of(
 
 
 def _left(late_ns: int) -> float:
-    return round(max(-1.0, 1.0 - max(0, late_ns) * 1e-9 / RESPONSE_S), 5)
+    return round(max(-1.0, 1.0 - late_ns * 1e-9 / RESPONSE_S), 5)
 
 
 def margin_of(parts: dict[str, float]) -> float:

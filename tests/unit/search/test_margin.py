@@ -145,7 +145,8 @@ def test_the_response_is_the_time_to_react_and_the_distance_from_the_point_as_th
     there.started_ns = aside.started_ns = silence.begun_ns = 10 * S  # they come 5 m at 5 m/s
     assert response_of(flying, there, silence, None, (0.0, 0.0)) == {}
     assert response_of(flying, aside, None, 12 * S, (0.0, 0.0)) == {}
-    for reacted_s, left in ((10.5, 1.0), (12.5, 0.5), (20.0, -1.0)):
+    assert response_of(flying, there, None, 9 * S, (0.0, 0.0)) == {}  # to something else
+    for reacted_s, left in ((10.4, 1.2), (12.5, 0.5), (20.0, -1.0)):
         assert response_of(flying, there, None, round(reacted_s * S), (0.0, 0.0)) == {"reaction": left}
     assert response_of(flying, None, silence, round(11.5 * S), (0.0, 0.0)) == {"silence": 0.5}
     assert response_of(flying, None, silence, 13 * S, (0.0, 0.0)) == {}  # of something else
