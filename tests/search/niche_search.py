@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.search.scenario import DEFAULTS, SPACE, Choice, Range, Scenario, draw, in_the_way, rounded
+from tests.search.scenario import DEFAULTS, SPACE, Choice, Range, Scenario, acting, draw, in_the_way, rounded
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +75,9 @@ def _one(rng: np.random.Generator, elites: _Elites) -> Scenario:
 
 
 def _changed(rng: np.random.Generator, scenario: Scenario) -> Scenario:
-    """Return a scenario with a few parameters drawn again: near, or anywhere."""
+    """Return a scenario with a few of its acting parameters drawn again: near, or anywhere."""
     values = dict(scenario.values)
-    for name in rng.choice(list(SPACE), int(rng.integers(*CHANGES, endpoint=True)), replace=False):
+    for name in rng.choice(acting(scenario), int(rng.integers(*CHANGES, endpoint=True)), replace=False):
         part = SPACE[str(name)]
         if isinstance(part, Choice) or rng.random() < 0.5:
             values[str(name)] = draw(part, rng)

@@ -121,6 +121,14 @@ class Scenario:
         return Scenario({**self.values, name: value})
 
 
+def acting(scenario: Scenario) -> list[str]:
+    """Return the names of the parameters that change the flight: not those of a fault or hazard of none."""
+    idle = [f"{kind}_" for kind in ("fault", "hazard") if scenario.values[kind] == DEFAULTS[kind]]
+    if scenario.values["hazard"] == "post":
+        idle.append("hazard_size_m")
+    return [name for name in SPACE if not name.startswith(tuple(idle))]
+
+
 def uniform(rng: np.random.Generator) -> Scenario:
     """Draw every parameter evenly from its range."""
     return Scenario({name: draw(part, rng) for name, part in SPACE.items()})

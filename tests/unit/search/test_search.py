@@ -17,7 +17,7 @@ from tests.search.equality import figures
 from tests.search.flight import Outcome
 from tests.search.hunt import GENERATION, Hunt
 from tests.search.niche_search import FIRST, Scored, next_generation
-from tests.search.scenario import DEFAULTS, SPACE, Range, Scenario, one_trouble, read, uniform
+from tests.search.scenario import DEFAULTS, SPACE, Range, Scenario, acting, one_trouble, read, uniform
 from tests.search.shrink import shrink
 
 PEAK = {"wind_ms": 6.0, "wind_from_deg": 350.0, "hazard_height_m": 1.1, "hazard_below_m": 4.4}
@@ -213,3 +213,12 @@ def test_counts_are_evidence_of_this_version_and_go_on_with_no_other(tmp_path: P
     path.write_text(path.read_text().replace(program_version(), "0.1.0+0"))
     with pytest.raises(ValueError, match="another version"):
         counts.count(path, 5, lambda _: outcome(0.3))
+
+
+def test_only_parameters_that_act_are_changed() -> None:
+    nothing = acting(Scenario.of())
+    assert {"fault", "hazard", "wind_ms"} <= set(nothing)
+    assert not [name for name in nothing if name.startswith(("fault_", "hazard_"))]
+    post = acting(Scenario.of(fault="lidar_stop", hazard="post"))
+    assert set(SPACE) - set(post) == {"hazard_size_m"}
+    assert acting(Scenario.of(fault="lidar_stop", hazard="box")) == list(SPACE)
