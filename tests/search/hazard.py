@@ -9,7 +9,7 @@ from sitl.world.primitives import Box, Ellipsoid, Kind
 from tests.search.scenario import Scenario
 
 FROM_M = 5.0
-ANSWERED_M = 2.0  # from the landing point to its side: the companion breaks off for what stops nearer
+IN_WAY_M = 1.0  # from the landing point to its side: what stops beside is answered late by itself
 POST_M = 0.3  # side of a post: so few pulses seldom hit a thinner one
 
 
@@ -29,7 +29,7 @@ class Hazard(Intruder):
         super().__init__(scenario.number("hazard_below_m"))
         self.parts = (_shape(scenario),)
         self._aside_m = scenario.number("hazard_aside_m")
-        self._is_answered = self._aside_m - self.parts[0].bounds()[3] < ANSWERED_M
+        self._is_in_way = self._aside_m - self.parts[0].bounds()[3] < IN_WAY_M
         self._aside_rad = math.radians(scenario.number("hazard_aside_deg"))
         self._from_rad = math.radians(scenario.number("hazard_from_deg"))
         self._speed_ms = scenario.number("hazard_speed_ms")
@@ -37,9 +37,9 @@ class Hazard(Intruder):
     def late_ns(self, reacted_ns: int) -> int | None:
         """Return the time from its arrival to an answer, below zero while it comes.
 
-        None if it had not started, or stops so far from the point that it needs no answer.
+        None if it had not started, or does not stop where the vehicle comes down.
         """
-        if self.started_ns is None or reacted_ns < self.started_ns or not self._is_answered:
+        if self.started_ns is None or reacted_ns < self.started_ns or not self._is_in_way:
             return None
         return reacted_ns - self.started_ns - round(FROM_M / self._speed_ms * 1e9)
 

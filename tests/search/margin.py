@@ -124,10 +124,10 @@ def response_of(
 ) -> dict[str, float]:
     """Return the parts of the response to what happened, by name.
 
-    reaction: time from the arrival of a hazard that is answered to when the landing was broken off or waited,
-    below zero while it was still coming; absent if neither was. silence: time from when the LiDAR fell silent
-    to that, if it was before the end of the silence. accuracy: distance of the touchdown from the ordered
-    point, as the autopilot knew it.
+    reaction: time from the arrival of a hazard that is in the way to when the landing was broken off or
+    waited, below zero while it was still coming; absent if neither was. silence: time from when the LiDAR
+    fell silent to that, if it was before the end of the silence. accuracy: distance of the touchdown from the
+    ordered point, as the autopilot knew it.
     """
     parts = {}
     late_ns = None if hazard is None or reacted_ns is None else hazard.late_ns(reacted_ns)
