@@ -4,7 +4,7 @@ The best of all flights are soon alike: the search would end at what is always c
 while the LiDAR fails, and never see what is late where it need not be. Niches are by behaviour, which is the
 end and what was answered, with a fault and without, and by fault. The best are those of the least score and
 those that answered latest: what is answered late while nothing is near becomes unsafe by one more change.
-Niches that lately became better are drawn from more often.
+Niches that lately became better are drawn from more often, and half of what is drawn has no fault.
 """
 
 from __future__ import annotations
@@ -36,6 +36,7 @@ FIRST = 40  # flights before anything is learnt
 NEW_SHARE = 0.25
 ELITE = 2  # of a niche, by score, and by response
 LATELY, MORE_OFTEN = 60, 20.0  # flights ago; weight of a niche that became better since
+PLAIN_SHARE = 0.5  # of those drawn: without a fault, which makes answers late by itself
 CHANGES = (1, 4)  # parameters that are drawn again
 NEAR = 0.12  # of a range: a change that is none to somewhere else
 
@@ -63,6 +64,9 @@ class _Elites:
         lately = [max(each) >= len(flown) - LATELY for each in best]
         weights = np.where(lately, MORE_OFTEN, 1.0)
         self._best = [[flown[number].scenario for number in each] for each in best]
+        plain = np.array([one[0].values["fault"] == DEFAULTS["fault"] for one in self._best])
+        for part, share in ((plain, PLAIN_SHARE), (~plain, 1.0 - PLAIN_SHARE)):
+            weights[part] *= share / max(1.0, weights[part].sum())
         self._shares = weights / weights.sum()
 
     def drawn(self, rng: np.random.Generator) -> Scenario:

@@ -17,7 +17,7 @@ from tests.search.equality import figures
 from tests.search.flight import Outcome
 from tests.search.hunt import GENERATION, Hunt
 from tests.search.niche_search import FIRST, Scored, next_generation
-from tests.search.scenario import DEFAULTS, SPACE, Range, Scenario, acting, one_trouble, read, uniform
+from tests.search.scenario import DEFAULTS, FAULTS, SPACE, Range, Scenario, acting, one_trouble, read, uniform
 from tests.search.shrink import shrink
 
 PEAK = {"wind_ms": 6.0, "wind_from_deg": 350.0, "hazard_height_m": 1.1, "hazard_below_m": 4.4}
@@ -117,6 +117,18 @@ def test_failures_and_failsafes_are_no_examples(tmp_path: Path) -> None:
     drawn = next_generation(np.random.default_rng([1, 3]), learnt, GENERATION)
     assert len(learnt) > FIRST
     assert scenarios[60:70] == drawn[:10]
+
+
+def test_flights_without_a_fault_are_varied_as_often_as_all_others() -> None:
+    rng = np.random.default_rng(4)
+    flown = [
+        Scored(0.5, 1.0, "aborted []", uniform(rng).replaced("fault", fault))
+        for fault in FAULTS
+        for _ in range(4)
+    ]
+    drawn = next_generation(rng, flown, 600)
+    plain = sum(scenario.values["fault"] == "none" for scenario in drawn)
+    assert 0.38 < plain / len(drawn) < 0.55
 
 
 def fails_by_wind_and_box(scenario: Scenario) -> bool:
