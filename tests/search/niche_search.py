@@ -9,6 +9,7 @@ Niches that lately became better are drawn from more often, and half of what is 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 
@@ -38,7 +39,7 @@ ELITE = 2  # of a niche, by score, and by response
 LATELY, MORE_OFTEN = 60, 20.0  # flights ago; weight of a niche that became better since
 PLAIN_SHARE = 0.5  # of those drawn: without a fault, which makes answers late by itself
 CHANGES = (1, 4)  # parameters that are drawn again
-NEAR = 0.12  # of a range: a change that is none to somewhere else
+NEAR = (0.02, 0.2)  # of a range: changes that are none to somewhere else, as often small as large
 
 
 def next_generation(rng: np.random.Generator, flown: Sequence[Scored], count: int) -> list[Scenario]:
@@ -92,7 +93,7 @@ def _changed(rng: np.random.Generator, scenario: Scenario) -> Scenario:
 
 def _near(name: str, part: Range, value: float, rng: np.random.Generator) -> float:
     span = part.high - part.low
-    other = float(rng.normal(value, NEAR * span))
+    other = float(rng.normal(value, span * math.exp(rng.uniform(*np.log(NEAR)))))
     return rounded(part, (other - part.low) % span + part.low if is_angle(name) else other)
 
 
