@@ -16,6 +16,7 @@ import json
 import logging
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -23,6 +24,7 @@ from typing import Any
 
 from tests.search import counts, equality
 from tests.search.flight import TAKEN, fly
+from tests.search.flown_file import InputError, read_object
 from tests.search.hunt import Hunt, is_failure
 from tests.search.scenario import Scenario, one_trouble, read, uniform
 from tests.search.shrink import shrink
@@ -30,12 +32,20 @@ from tests.search.weaknesses import WEAKNESSES, all_at_once
 
 
 def main() -> None:
-    """Run one command; exit 1 if the program as it is was found unsafe, or a weakness was not found."""
+    """Run one command.
+
+    Exit code 1: the program as it is was found unsafe, a weakness was not found, an outcome is not equal, or
+    the replayed flight is unsafe. 2: an option or file cannot be used.
+    """
     own = _arguments()
     logging.disable(logging.CRITICAL)
     gc.collect()
     gc.freeze()  # what is loaded stays: collections between flights need not look at it
-    sys.exit(own.run(own))
+    try:
+        sys.exit(own.run(own))
+    except (InputError, OSError) as error:
+        print(f"tests.search: {error}", file=sys.stderr)
+        sys.exit(2)
 
 
 def _arguments() -> argparse.Namespace:
@@ -47,20 +57,32 @@ def _arguments() -> argparse.Namespace:
         command.add_argument(
             "--out", type=Path, default=Path("out/search"), help="goes on where it was stopped"
         )
-        command.add_argument("--seed", type=int, default=1)
-        command.add_argument("--landings", type=int, default=10_000 if name == "count" else 600)
-        command.add_argument("--scenarios", type=int, default=100)
+        command.add_argument("--seed", type=at_least(0), default=1)
+        command.add_argument("--landings", type=at_least(1), default=10_000 if name == "count" else 600)
+        command.add_argument("--scenarios", type=at_least(1), default=100)
         command.add_argument("--weakness", choices=WEAKNESSES, nargs="+", default=list(WEAKNESSES))
-        command.add_argument("--failures", type=int, default=3, help="to find before the hunt ends")
-        command.add_argument("--jobs", type=int, default=1)
+        command.add_argument("--failures", type=at_least(1), default=3, help="to find before the hunt ends")
+        command.add_argument("--jobs", type=at_least(1), default=1)
         command.add_argument("--planted", action="store_true", help="count with all weaknesses at once")
-        command.add_argument("--flights-to-shrink", type=int, default=60)
+        command.add_argument("--flights-to-shrink", type=at_least(0), default=60)
     replay = commands.add_parser("replay")
     replay.set_defaults(run=_replay)
     replay.add_argument("file", type=Path)
     replay.add_argument("--full", action="store_true", help="with sockets and the finer sensor")
     replay.add_argument("--weakness", choices=WEAKNESSES)
     return parser.parse_args()
+
+
+def at_least(least: int) -> Callable[[str], int]:
+    """Return what reads a whole number, not less than some."""
+
+    def whole(text: str) -> int:
+        number = int(text)
+        if number < least:
+            raise argparse.ArgumentTypeError(f"{text} is less than {least}")
+        return number
+
+    return whole
 
 
 def _hunt(own: argparse.Namespace) -> int:
@@ -122,17 +144,14 @@ def _keep(own: argparse.Namespace, scenario: Scenario, name: str, weakness: str 
 def _count(own: argparse.Namespace) -> int:
     planted = partial(fly, weakness=all_at_once)
     path = own.out / ("planted_landings.json" if own.planted else "cheap_landings.json")
-    try:
-        found = counts.count(
-            path,
-            own.landings,
-            planted if own.planted else fly,
-            own.seed,
-            uniform if own.planted else one_trouble,
-            own.jobs,
-        )
-    except ValueError as error:
-        raise SystemExit(f"tests.search: {error}") from None
+    found = counts.count(
+        path,
+        own.landings,
+        planted if own.planted else fly,
+        own.seed,
+        uniform if own.planted else one_trouble,
+        own.jobs,
+    )
     if not own.planted:
         (own.out / "counts.json").write_text(json.dumps(counts.evidence(found)) + "\n", "utf-8")
     print(json.dumps({name: found[name] for name in ("landings", "ends", "least_margin", "cpu_s")}))
@@ -146,8 +165,11 @@ def _equal(own: argparse.Namespace) -> int:
 
 
 def _replay(own: argparse.Namespace) -> int:
-    name = own.weakness or json.loads(own.file.read_text("utf-8")).get("weakness")
-    outcome = fly(read(own.file), cheap=not own.full, weakness=WEAKNESSES[name] if name else None)
+    scenario = read(own.file)
+    name = own.weakness or read_object(own.file).get("weakness")
+    if name is not None and name not in WEAKNESSES:
+        raise InputError(f"{own.file}: there is no weakness {name!r}, only {', '.join(WEAKNESSES)}")
+    outcome = fly(scenario, cheap=not own.full, weakness=WEAKNESSES[name] if name else None)
     print(json.dumps(asdict(outcome), indent=1))
     return int(outcome.unsafe)
 

@@ -14,6 +14,7 @@ from companion.desk.evidence.landing_counts import counts_document
 from companion.runtime.program_version import program_version
 from tests.search.flight import ENDS, Outcome
 from tests.search.flights import flying
+from tests.search.flown_file import InputError, read_object
 from tests.search.scenario import Scenario, one_trouble
 
 KEEP_EVERY = 10
@@ -37,8 +38,8 @@ def count(
 
     Raises
     ------
-    ValueError
-        The file was counted by another version of the program.
+    InputError
+        The file was counted by another version of the program or with another seed, or is damaged.
     """
     counts = read(path, seed)
     scenarios = [numbered(counts["seed"], number, draw) for number in range(counts["landings"], landings)]
@@ -58,9 +59,12 @@ def numbered(seed: int, number: int, draw: Draw = one_trouble) -> Scenario:
 def read(path: Path, seed: int = 1) -> dict[str, Any]:
     """Return the counts of a file, or those before the first landing."""
     if path.exists():
-        found: dict[str, Any] = json.loads(path.read_text("utf-8"))
-        if found.get("program") != program_version():
-            raise ValueError(f"{path} was counted by another version of the program: use another folder")
+        found = read_object(path)
+        if (found.get("program"), found.get("seed")) != (program_version(), seed):
+            raise InputError(
+                f"{path} was counted by another version of the program or with another seed: it says"
+                f" {found.get('program')} and {found.get('seed')}: use another folder"
+            )
         return found
     return {
         "kind": "cheap landings",

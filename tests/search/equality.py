@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 
 from tests.search.counts import numbered
 from tests.search.flight import ABORTED, REFUSED, SAFE, TAKEN, UNSAFE, fly
+from tests.search.flown_file import FlownFile
 
 SEED = 46
 NOT_LANDED = (ABORTED, REFUSED)
@@ -22,15 +22,12 @@ def compare(path: Path, scenarios: int) -> dict[str, Any]:
 
     Two outcomes are equal if both are landings, or both are none, and both are unsafe, or both are not.
     """
-    flown = [json.loads(line) for line in path.read_text("utf-8").splitlines()] if path.exists() else []
-    path.parent.mkdir(parents=True, exist_ok=True)
-    for number in range(len(flown), scenarios):
+    file = FlownFile(path, {"search": "equal", "seed": SEED})
+    for number in range(len(file.flown), scenarios):
         scenario = numbered(SEED, number)
         both = {"cheap": asdict(fly(scenario)), "full": asdict(fly(scenario, cheap=False))}
-        flown.append({"number": number} | both)
-        with path.open("a", encoding="utf-8") as out:
-            out.write(json.dumps(flown[-1]) + "\n")
-    return figures(flown)
+        file.add({"number": number} | both)
+    return figures(file.flown)
 
 
 def figures(flown: list[dict[str, Any]]) -> dict[str, Any]:

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from tests.search.flight import REFUSED, TAKEN, Outcome
 from tests.search.flights import Fly, FlyAll, flying
+from tests.search.flown_file import Flown, FlownFile
 from tests.search.niche_search import Scored, next_generation
 from tests.search.scenario import Scenario
 
-Flown = dict[str, Any]
 GENERATION = 20
 
 
@@ -25,7 +23,7 @@ class Hunt:
     Parameters
     ----------
     path
-        File of flights, a line of JSON each.
+        File of flights, see `FlownFile`.
     fly
         Flies a scenario.
     jobs
@@ -35,8 +33,6 @@ class Hunt:
 
     Attributes
     ----------
-    flown
-        All flights, in their order: scenario, margin, score, end, whether it is a failure.
     failures
         Scenarios with an unsafe touchdown of the companion's own, as far as they are what is hunted.
     """
@@ -49,9 +45,14 @@ class Hunt:
         jobs: int = 1,
         confirm: Callable[[Scenario], bool] | None = None,
     ) -> None:
-        self._path, self._fly, self._seed, self._jobs, self._confirm = path, fly, seed, jobs, confirm
-        self.flown: list[Flown] = _read(path)
+        self._fly, self._seed, self._jobs, self._confirm = fly, seed, jobs, confirm
+        self._file = FlownFile(path, {"search": path.stem, "seed": seed})
         self.failures = [Scenario.of(**one["scenario"]) for one in self.flown if one["failure"]]
+
+    @property
+    def flown(self) -> list[Flown]:
+        """All flights, in their order: scenario, margin, score, end, whether it is a failure."""
+        return self._file.flown
 
     def run(self, budget: int, *, failures: int = 1) -> list[Scenario]:
         """Fly until as many failures are found or the budget is flown; return the failures."""
@@ -74,23 +75,9 @@ class Hunt:
     def _note(self, scenario: Scenario, outcome: Outcome) -> None:
         flown = {"scenario": dict(scenario.values)} | asdict(outcome)
         flown["failure"] = is_failure(flown) and (self._confirm is None or self._confirm(scenario))
-        self.flown.append(flown)
+        self._file.add(flown)
         if flown["failure"]:
             self.failures.append(scenario)
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        with self._path.open("a", encoding="utf-8") as out:
-            out.write(json.dumps(flown) + "\n")
-
-
-def _read(path: Path) -> list[Flown]:
-    """Return the flights of a file; a last line cut short by a stop is removed from it."""
-    if not path.exists():
-        return []
-    text = path.read_text("utf-8")
-    whole = text[: text.rfind("\n") + 1]
-    if whole != text:
-        path.write_text(whole, "utf-8")
-    return [json.loads(line) for line in whole.splitlines()]
 
 
 def _scored(flown: Sequence[Flown]) -> list[Scored]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+
+from tests.search.flown_file import InputError, read_object
 
 SCENES = ("landing_site", "buildings", "borrow_pit")
 KINDS = ("none", "box", "ball", "post")
@@ -100,7 +100,9 @@ class Scenario:
             inside = (
                 value in part.values
                 if isinstance(part, Choice)
-                else not isinstance(value, str) and part.low <= value <= part.high
+                else isinstance(value, int | float)
+                and part.low <= value <= part.high
+                and not (part.whole and value % 1)
             )
             if not inside:
                 raise ValueError(f"scenario: {name} cannot be {value!r}")
@@ -174,8 +176,12 @@ def read(path: Path) -> Scenario:
 
     Raises
     ------
-    ValueError
+    InputError
         The file holds no scenario.
     """
-    found: Any = json.loads(path.read_text("utf-8"))
-    return Scenario.of(**found.get("scenario", found))
+    found = read_object(path)
+    values = found.get("scenario", found)
+    try:
+        return Scenario.of(**values)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{path}: {error}") from None

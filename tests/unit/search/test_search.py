@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,8 +14,10 @@ from companion.desk.evidence.artefact_fields import Fields
 from companion.desk.evidence.landing_counts import read_counts
 from companion.runtime.program_version import program_version
 from tests.search import counts
+from tests.search.__main__ import main
 from tests.search.equality import figures
 from tests.search.flight import Outcome
+from tests.search.flown_file import InputError
 from tests.search.hunt import GENERATION, Hunt
 from tests.search.niche_search import FIRST, Scored, next_generation
 from tests.search.scenario import DEFAULTS, FAULTS, SPACE, Range, Scenario, acting, one_trouble, read, uniform
@@ -234,3 +237,62 @@ def test_only_parameters_that_act_are_changed() -> None:
     post = acting(Scenario.of(fault="lidar_stop", hazard="post"))
     assert set(SPACE) - set(post) == {"hazard_size_m"}
     assert acting(Scenario.of(fault="lidar_stop", hazard="box")) == list(SPACE)
+
+
+@pytest.mark.parametrize(
+    ("change", "seed", "told"),
+    [
+        (lambda text: text.replace(program_version(), "0.1.0+0"), 1, "another version"),
+        (lambda text: text, 2, "another search"),
+        (lambda text: text[text.index("\n") + 1 :], 1, "another search"),
+        (lambda text: text.replace("{", "", 2), 1, "line 1 is no JSON"),
+    ],
+)
+def test_a_hunt_goes_on_with_no_file_of_another(
+    tmp_path: Path, change: Callable[[str], str], seed: int, told: str
+) -> None:
+    path = tmp_path / "hunt.jsonl"
+    Hunt(path, narrow, 1).run(3)
+    path.write_text(change(path.read_text()))
+    with pytest.raises(InputError, match=told):
+        Hunt(path, narrow, seed)
+
+
+def test_counts_of_another_seed_are_not_gone_on_with(tmp_path: Path) -> None:
+    path = tmp_path / "counts.json"
+    counts.count(path, 4, lambda _: outcome(0.3), seed=1)
+    with pytest.raises(InputError, match="another seed"):
+        counts.count(path, 5, lambda _: outcome(0.3), seed=7)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"scenario": {"wind_ms": NaN}}',
+        '{"seed": 1.5}',
+        '{"hazard": "dragon"}',
+        '{"scenario": {"dragons": 3}}',
+        '{"scenario": ["box"]}',
+        "[1]",
+        "{",
+    ],
+)
+def test_a_file_without_a_scenario_is_one_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "one.json"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"one\.json") as told:
+        read(path)
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize(
+    "argument", [("--landings", "0"), ("--jobs", "-1"), ("--failures", "0"), ("--seed", "-1")]
+)
+def test_options_that_fly_nothing_are_refused(
+    argument: tuple[str, str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["tests.search", "hunt", *argument])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    assert f"argument {argument[0]}" in capsys.readouterr().err
