@@ -234,7 +234,8 @@ class SearchFlight(Mission):
         tally = self.companion.executive.tally
         parts = parts_of(self.sim, self.clearance) if self.has_taken_off else {"hazard": 1.0}
         margin = margin_of(parts)
-        response = response_of(self.sim, self.hazard, self.silence, self._reacted_ns, self.ordered_en_m)
+        ordered_en_m = None if self.scenario.text("fault") == "ekf_jump" else self.ordered_en_m
+        response = response_of(self.sim, self.hazard, self.silence, self._reacted_ns, ordered_en_m)
         return Outcome(
             self._end(margin),
             margin,

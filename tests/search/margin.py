@@ -120,9 +120,11 @@ def response_of(
     hazard: Hazard | None,
     silence: Spell | None,
     reacted_ns: int | None,
-    ordered_en_m: tuple[float, float],
+    ordered_en_m: tuple[float, float] | None,
 ) -> dict[str, float]:
     """Return the parts of the response to what happened, by name.
+
+    ordered_en_m: None if the estimate jumped, and the point with it.
 
     reaction: time from the arrival of a hazard that is in the way to when the landing was broken off or
     waited, below zero while it was still coming; absent if neither was. silence: time from when the LiDAR
@@ -137,7 +139,7 @@ def response_of(
         late_ns = reacted_ns - silence.begun_ns
         if 0 <= late_ns <= silence.lasts_ns:
             parts["silence"] = _left(late_ns)
-    if (touchdown := simulation.touchdown) is not None:
+    if (touchdown := simulation.touchdown) is not None and ordered_en_m is not None:
         known, true = simulation.autopilot.estimate, simulation.vehicle.truth
         drift = (0.0, 0.0) if known is None else known.pos_enu_m[:2] - true.pos_enu_m[:2]
         east, north = touchdown["e"] + drift[0], touchdown["n"] + drift[1]

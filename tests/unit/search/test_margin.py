@@ -158,3 +158,4 @@ def test_the_response_is_the_time_to_react_and_the_distance_from_the_point_as_th
         vehicle=SimpleNamespace(truth=there_m),
     )
     assert response_of(touched, None, None, None, (0.0, 0.0)) == {"accuracy": 0.75}
+    assert response_of(touched, None, None, None, None) == {}
