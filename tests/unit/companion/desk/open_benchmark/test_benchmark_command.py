@@ -20,6 +20,12 @@ from tests import REPOSITORY
 from tests.unit.companion.desk.open_benchmark.flights_over import case_of
 
 OWN = REPOSITORY / "docs" / "examples" / "own_method.py"
+UNCHANGED = {
+    "frozen_scenes": 1,
+    "frozen_scenes_of_version": 32,
+    "other_scenes": [],
+    "flights_without_digest": [],
+}
 Capture = pytest.CaptureFixture[str]
 
 
@@ -125,7 +131,11 @@ def test_bad_requests_are_one_line(
 @pytest.mark.parametrize(
     ("body", "complaint"),
     [
-        ("1 / 0", "fails: ZeroDivisionError"),
+        ("1 / 0", "fails at {file}:7: ZeroDivisionError: division by zero (scene small, flight 2)"),
+        ("np.linalg.inv(np.zeros((2, 2)))", "fails at {file}:7: LinAlgError: Singular matrix"),
+        ("returns.points_m[:] = 0", "method 'm' changes its input at {file}:7, which is read-only"),
+        ("returns.sensors_m.sort()", "method 'm' changes its input at {file}:7, which is read-only"),
+        ("returns.points_m.flags.writeable = True", "method 'm' fails at {file}:7: ValueError"),
         ("return SafeMap(np.zeros((1, 1), np.uint8))", "its states must be"),
         ("return SafeMap(np.full(task.grid.shape, 7, np.uint8))", "of 0, 1 and 255"),
         ("return SafeMap(np.zeros(task.grid.shape, np.uint8), np.full(task.grid.shape, 2.0))", "of 0 to 1"),
@@ -142,7 +152,9 @@ def test_methods_that_fail_end_with_one_line(
     (tmp_path / "m.py").write_text(text, "utf-8")
     words = ["--scenes", scenes, "--method-file", tmp_path / "m.py", "--method", "all seen"]
     assert ended(monkeypatch, *words, "--out", tmp_path / "out") == 1
-    assert complaint in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert complaint.format(file=tmp_path / "m.py") in said
+    assert said.count("\n") == 1
 
 
 def figures(missed: float, found: float, ms: float) -> dict[str, object]:
@@ -164,6 +176,7 @@ def test_the_page_says_where_another_method_wins_and_not_where_one_finds_nothing
         "seconds": 1.0,
         "machine": "",
         "not_as_frozen": ["yard"],
+        **UNCHANGED,
         "methods": [{"name": name, "source": "", "groups": {"20": of}} for name, of in groups.items()],
     }
     lines = better_than_ours(document)
@@ -187,6 +200,7 @@ def test_methods_that_find_less_than_half_come_after_the_others_and_the_referenc
     }
     methods = [{"name": name, "source": "", "groups": {"20": of}} for name, of in groups.items()]
     document = {"version": 1, "timing": "", "scenes": 1, "seconds": 1.0, "machine": "", "not_as_frozen": []}
+    document |= UNCHANGED
     rows = re.findall(r"^\| ([^|]+) \|", markdown(document | {"methods": methods}), re.MULTILINE)
     expected = [OURS, "half", "nothing", "timid", REFERENCE.name]
     assert [row for row in rows if row in groups] == 2 * expected  # both tables
