@@ -16,6 +16,7 @@ from companion.cli import program
 from companion.desk.open_benchmark.exchange_folder import write_case
 from companion.desk.open_benchmark.leaderboard import better_than_ours, markdown
 from companion.desk.open_benchmark.methods import METHODS, OURS, REFERENCE
+from companion.desk.open_benchmark.scene_manifest import read_manifest
 from tests import REPOSITORY
 from tests.unit.companion.desk.open_benchmark.flights_over import case_of
 
@@ -60,6 +61,11 @@ def test_methods_of_a_file_are_judged_on_scenes_of_a_folder(
     page = (out / "index.html").read_text("utf-8")
     assert not re.search(r"(src|href)=|https?:|@import|url\(", page)
     assert "height range" in page
+    assert summary["other_scenes"] == ["small"]
+    for text in (page, (out / "leaderboard.md").read_text("utf-8")):
+        assert "on other scenes than the benchmark" in text
+        assert "Other scenes than the frozen ones of version 1: small." in text
+        assert "1 scene, " in text
     with (out / "scenes.csv").open(encoding="utf-8", newline="") as file:
         assert [row["method"] for row in csv.DictReader(file)] == ["height range", REFERENCE.name]
 
@@ -92,7 +98,8 @@ def test_a_frozen_scene_is_exported_with_its_truth(
         "--json",
     ]
     assert ended(monkeypatch, *words) == 0
-    assert json.loads(capsys.readouterr().out)["scenes"] == ["kerb-0.1m"]
+    written = json.loads(capsys.readouterr().out)
+    assert (written["scenes"], written["not_as_frozen"]) == (["kerb-0.1m"], [])
     names = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.*") if path.is_file()}
     files = {"scene.json", "truth.tif", "kind.tif", "truth_values.tif", "2/points.pcd", "2/poses.csv"}
     assert names == {f"kerb-0.1m/{name}" for name in files}
@@ -111,6 +118,12 @@ def test_scenes_and_methods_are_listed(monkeypatch: pytest.MonkeyPatch, capsys: 
     [
         ([], "--out DIR is needed"),
         (["--score", "a.tif"], "goes with --scene NAME"),
+        (["--score", "a.tif", "--scene", "yard", "--scene", "moon"], "goes with one --scene NAME"),
+        (["--score", "a.tif", "--scene", "yard", "--out", "o"], "--score does not go with --out"),
+        (["--score", "a.tif", "--scene", "yard", "--export"], "--score does not go with --export"),
+        (["--score", "a.tif", "--scene", "yard", "--method", "slz"], "--score does not go with --method"),
+        (["--export", "--out", "o", "--method", "slz"], "--export does not go with --method"),
+        (["--out", "o", "--scene", "yard"], "--scene NAME goes with --score FILE"),
         (["--score", "a.tif", "--scene", "mars"], "no scene is named 'mars'"),
         (["--out", "o", "--method", "magic"], "no method is named 'magic'"),
         (["--out", "o", "--only", "mars"], "no scene is named 'mars'"),
@@ -204,3 +217,27 @@ def test_methods_that_find_less_than_half_come_after_the_others_and_the_referenc
     rows = re.findall(r"^\| ([^|]+) \|", markdown(document | {"methods": methods}), re.MULTILINE)
     expected = [OURS, "half", "nothing", "timid", REFERENCE.name]
     assert [row for row in rows if row in groups] == 2 * expected  # both tables
+
+
+def test_names_of_others_are_shown_as_they_are() -> None:
+    name, source = "a|b <script>", "[click](javascript:x) `<img>`\n# big"
+    methods = [{"name": name, "source": source, "groups": {"x|y": figures(0.1, 0.9, 1.0)}}]
+    document = {"version": 1, "timing": "", "scenes": 2, "seconds": 1.0, "machine": "", "not_as_frozen": []}
+    page = markdown(document | UNCHANGED | {"methods": methods})
+    assert "| a\\|b &lt;script&gt; | **10.0** |" in page
+    assert r"- a\|b &lt;script&gt;: \[click\](javascript:x) \`&lt;img&gt;\` # big" in page
+    assert "<" not in page
+    assert "2 scenes, " in page
+
+
+def test_a_scene_that_differs_from_the_manifest_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    other = {name: entry | {"truth_sha256": "0"} for name, entry in read_manifest().items()}
+    monkeypatch.setattr("companion.desk.open_benchmark.benchmark_case.read_manifest", lambda: other)
+    words = ["--only", "plane-0", "--density", "1", "--out", tmp_path / "out"]
+    assert ended(monkeypatch, "--export", *words) == 0
+    assert "not as frozen on this machine: plane-0deg" in " ".join(capsys.readouterr().out.split())
+    truth = tmp_path / "out" / "plane-0deg" / "truth.tif"
+    assert ended(monkeypatch, "--score", truth, "--scene", "plane-0deg", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["as_frozen"] is False
