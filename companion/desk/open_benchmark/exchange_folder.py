@@ -56,7 +56,7 @@ def write_case(case: BenchmarkCase, out: Path, cloud_format: str = "laz") -> lis
     Raises
     ------
     UsageError
-        The name of the case or of a flight is none of a folder.
+        The name of the case or of a flight cannot be that of a folder.
     """
     for name in (case.name, *case.flights):
         _check_name(name, f"scene {case.name!r}")
@@ -188,7 +188,7 @@ def _read_rasters(path: Path, grid: CellGrid, bands: int) -> NDArray[Any]:
 
 
 def _read_states(folder: Path, grid: CellGrid, n_kinds: int) -> tuple[U8, U8]:
-    """Return states and kinds of a truth, (rows, cols) each, of which every value means something."""
+    """Return the states and kinds of a truth, (rows, cols) each, all of whose values are known ones."""
     states = _read_rasters(folder / TRUTH, grid, 1)[0]
     kinds = _read_rasters(folder / KIND, grid, 1)[0]
     _check_values(folder / TRUTH, states, np.isin(states, (UNSAFE, SAFE, UNKNOWN)), "0, 1 or 255")
