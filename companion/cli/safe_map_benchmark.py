@@ -37,9 +37,9 @@ def benchmark(
     score: Annotated[
         Path | None, typer.Option(help="Score this safe map (.tif) or these zones (.geojson) on --scene.")
     ] = None,
-    scene: Annotated[str | None, typer.Option(help="Name of the scene that --score is of.")] = None,
+    scene: Annotated[list[str], typer.Option(help="Name of the scene that --score is of.")] = [],  # noqa: B006
     safe_from: Annotated[
-        float, typer.Option(min=0, max=1, help="Least probability that --score calls safe.")
+        float, typer.Option(help="Least probability that --score calls safe, above 0 and at most 1.")
     ] = 0.5,
     names: Annotated[bool, typer.Option("--list", help="Name scenes and methods.")] = False,
     as_json: Json = False,
@@ -58,24 +58,41 @@ def benchmark(
     if names:
         _show_names(as_json)
         return
+    own = {"--method": method, "--method-file": method_file}
     if score is not None:
-        if scene is None:
-            raise UsageError("--score FILE goes with --scene NAME: slz benchmark --list names the scenes")
-        _show_score(benchmark_run.score_file(score, scene, choice, safe_from), as_json)
+        _refuse("--score", {"--out": out, "--export": export, **own, "--only": only, "--density": density})
+        if len(scene) != 1:
+            told = "one --scene NAME" if scene else "--scene NAME"
+            raise UsageError(f"--score FILE goes with {told}: slz benchmark --list names the scenes")
+        _show_score(benchmark_run.score_file(score, scene[0], choice, safe_from), as_json)
         return
+    if scene:
+        raise UsageError("--scene NAME goes with --score FILE: --only WORD chooses scenes of a run")
     if out is None:
         raise UsageError("--out DIR is needed: the folder of the leaderboard, or of --export")
     if cloud_format not in CLOUD_FORMATS:
         raise UsageError(f"--format {cloud_format!r}: use laz or pcd")
     if export:
+        _refuse("--export", own)
         with progress(as_json) as step:
             written = benchmark_run.export(out, step, choice, cloud_format)
-        _say(written, as_json, f"{len(written['scenes'])} scenes, {written['files']} files in {out}")
+        n = len(written["scenes"])
+        line = f"{n} scene{'' if n == 1 else 's'}, {written['files']} files in {out}"
+        if written["not_as_frozen"]:
+            line += f"; not as frozen on this machine: {', '.join(written['not_as_frozen'])}"
+        _say(written, as_json, line)
         return
     set_up_logging(verbose)
     with progress(as_json) as step:
         summary = benchmark_run.run(out, step, choice)
     _say(summary, as_json, f"see {summary['files'][1]}")
+
+
+def _refuse(command: str, others: dict[str, object]) -> None:
+    """Refuse options that a command would ignore."""
+    given = [name for name, value in others.items() if value]
+    if given:
+        raise UsageError(f"{command} does not go with {' and '.join(given)}: run slz benchmark twice")
 
 
 def _say(summary: dict[str, Any], as_json: bool, line: str) -> None:
@@ -107,6 +124,8 @@ def _show_score(figures: dict[str, Any], as_json: bool) -> None:
         print(json.dumps(figures))
         return
     table = Table("figure", "", title=f"{figures['file']} on {figures['scene']}")
+    if figures["as_frozen"] is not None:
+        table.add_row("as frozen", "yes" if figures["as_frozen"] else "no: the scene differs on this machine")
     for key in ("judged", "unsafe"):
         table.add_row(key, str(figures[key]))
     for key in ("unsafe_called_safe", "safe_is_unsafe", "safe_found", "unknown", "brier"):

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pyproj import CRS
 
 from companion.desk.open_benchmark.footprint_truth import SceneTruth, lattice_heights, scene_truth
-from companion.desk.open_benchmark.frozen_scenes import DENSITIES, ORIGIN, TASK, FrozenScene, frozen_scenes
+from companion.desk.open_benchmark.frozen_scenes import ORIGIN, TASK, FrozenScene, frozen_scenes
 from companion.desk.open_benchmark.landing_task import FlownReturns, LandingTask
 from companion.desk.open_benchmark.scan_simulation import scan
 from companion.desk.open_benchmark.scene_manifest import (
     description,
-    description_digest,
+    document_digest,
     read_manifest,
     returns_digest,
     truth_digest,
@@ -27,8 +27,8 @@ class BenchmarkCase:
     """Scene to be judged.
 
     origin: latitude, longitude (deg), altitude (m) of its local metres. flights: returns by label, such as
-    the pulses per m². document: what the scene is, as JSON. digests_agree: of a frozen scene, whether it is
-    what the manifest says; None for others.
+    the pulses per m². document: what the scene is, as JSON. digests_agree: of a frozen scene, whether what
+    was computed of it is what the manifest says (`frozen_agreement`); None for others.
     """
 
     name: str
@@ -74,19 +74,30 @@ def chosen_scenes(wanted: Collection[str]) -> list[FrozenScene]:
 
 def frozen_cases(scenes: Collection[FrozenScene], densities: Collection[int]) -> Iterator[BenchmarkCase]:
     """Compute the cases of frozen scenes one after the other; without densities, truth alone."""
-    expected = {entry["name"]: entry for entry in read_manifest()["scenes"]}
     for scene in scenes:
         heights = lattice_heights(scene)
         truth = scene_truth(scene, TASK, heights)
-        flights = {density: scan(scene, density, heights) for density in densities}
-        frozen = expected.get(scene.name, {})
-        agree = (description_digest(scene), truth_digest(truth)) == (
-            frozen.get("scene_sha256"),
-            frozen.get("truth_sha256"),
-        ) and all(
-            returns_digest(returns) == frozen["returns"][str(density)]["sha256"]
-            for density, returns in flights.items()
-            if density in DENSITIES
+        flights = {str(density): scan(scene, density, heights) for density in densities}
+        case = BenchmarkCase(scene.name, ORIGIN, TASK, truth, flights, description(scene))
+        yield replace(case, digests_agree=bool(frozen_agreement(case)))
+
+
+def frozen_agreement(case: BenchmarkCase) -> bool | None:
+    """Return whether a case is the frozen scene of its name; None where none has it.
+
+    Compared are origin, task, and SHA-256 of closed form, truth and those flights of the case that the
+    manifest holds.
+    """
+    entry = read_manifest().get(case.name)
+    if entry is None:
+        return None
+    return (
+        (case.origin, case.task) == (ORIGIN, TASK)
+        and document_digest(case.document) == entry["scene_sha256"]
+        and truth_digest(case.truth) == entry["truth_sha256"]
+        and all(
+            returns_digest(returns) == entry["returns"][label]["sha256"]
+            for label, returns in case.flights.items()
+            if label in entry["returns"]
         )
-        labelled = {str(density): returns for density, returns in flights.items()}
-        yield BenchmarkCase(scene.name, ORIGIN, TASK, truth, labelled, description(scene), agree)
+    )

@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import platform
 import time
+import traceback
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from companion.desk.open_benchmark import leaderboard
 from companion.desk.open_benchmark.benchmark_case import (
@@ -37,6 +39,7 @@ from companion.runtime import output_folder
 from companion.runtime.errors import CompanionError, UsageError
 
 Progress = Callable[[str, float], None]
+FROZEN_FLIGHTS = frozenset(map(str, DENSITIES))
 TIMING = (
     "processor time of all threads for one call of judge, from the points in memory to the map; one call on"
     " the first flight before goes untimed; median over the flights of a density"
@@ -79,7 +82,21 @@ class BenchmarkChoice:
         return [*own, *chosen]
 
     def cases(self, with_flights: bool = True) -> Iterator[tuple[int, int, BenchmarkCase]]:
-        """Yield number, count and case: frozen ones, those of folders, then classified surveys."""
+        """Yield number, count and case: frozen ones, those of folders, then classified surveys.
+
+        Raises
+        ------
+        UsageError
+            A choice names nothing, a scene cannot be read, or two have one name.
+        """
+        names: set[str] = set()
+        for number, total, case in self._cases(with_flights):
+            if case.name in names:
+                raise UsageError(f"two scenes are named {case.name!r}: rename one")
+            names.add(case.name)
+            yield number, total, case
+
+    def _cases(self, with_flights: bool) -> Iterator[tuple[int, int, BenchmarkCase]]:
         only_others = (self.folders or self.classified) and not self.scenes
         frozen = [] if only_others else chosen_scenes(self.scenes)
         folders = [found for folder in self.folders for found in _scene_folders(folder)]
@@ -133,18 +150,25 @@ def run(out: Path, progress: Progress, choice: BenchmarkChoice) -> dict[str, Any
     warm: set[str] = set()
     scenes: list[dict[str, Any]] = []
     changed: list[str] = []
+    others: list[str] = []
+    unfrozen: dict[str, None] = {}
     begun = time.perf_counter()
     for number, total, case in choice.cases():
         progress(case.name, number / total)
         if case.digests_agree is False:
             changed.append(case.name)
-        for label, returns in case.flights.items():
+        if case.digests_agree is None:
+            others.append(case.name)
+        else:
+            unfrozen |= dict.fromkeys(label for label in case.flights if label not in FROZEN_FLIGHTS)
+        for label, flown in case.flights.items():
+            returns, place = _read_only(flown), f"scene {case.name}, flight {label}"
             for method in methods:
                 if method.name not in warm:
-                    _judged(method, returns, case.task)
+                    _judged(method, returns, case.task, place)
                     warm.add(method.name)
                 cpu = time.process_time()
-                answer = _judged(method, returns, case.task)
+                answer = _judged(method, returns, case.task, place)
                 ms = 1e3 * (time.process_time() - cpu)
                 counts = score(answer, case.truth)
                 rows[method.name].add(label, counts, ms)
@@ -156,7 +180,11 @@ def run(out: Path, progress: Progress, choice: BenchmarkChoice) -> dict[str, Any
         "benchmark": "slz benchmark",
         "version": VERSION,
         "scenes": len({one["scene"] for one in scenes}),
+        "frozen_scenes": len({one["scene"] for one in scenes} - set(others)),
+        "frozen_scenes_of_version": len(frozen_names()),
+        "other_scenes": others,
         "not_as_frozen": changed,
+        "flights_without_digest": list(unfrozen),
         "timing": TIMING,
         "machine": f"{platform.machine()}, Python {platform.python_version()}",
         "seconds": round(time.perf_counter() - begun, 1),
@@ -170,16 +198,26 @@ def run(out: Path, progress: Progress, choice: BenchmarkChoice) -> dict[str, Any
 def export(out: Path, progress: Progress, choice: BenchmarkChoice, cloud_format: str) -> dict[str, Any]:
     """Write the chosen cases as files of the exchange format, and return their names and number."""
     output_folder.prepare(out)
-    names, n_files = [], 0
+    names, changed, n_files = [], [], 0
     for number, total, case in choice.cases():
         progress(case.name, number / total)
         n_files += len(write_case(case, out, cloud_format))
         names.append(case.name)
-    return {"out": str(out), "version": VERSION, "scenes": names, "files": n_files}
+        if case.digests_agree is False:
+            changed.append(case.name)
+    return {
+        "out": str(out),
+        "version": VERSION,
+        "scenes": names,
+        "not_as_frozen": changed,
+        "files": n_files,
+    }
 
 
 def score_file(path: Path, name: str, choice: BenchmarkChoice, safe_from: float) -> dict[str, Any]:
     """Score one map or file of zones against one scene, and return its figures.
+
+    `as_frozen` is whether closed form and truth are those of the manifest, None for other scenes.
 
     Raises
     ------
@@ -187,9 +225,8 @@ def score_file(path: Path, name: str, choice: BenchmarkChoice, safe_from: float)
         There is no such scene, or the file cannot be scored.
     """
     case = _named(name, choice)
-    return {"file": str(path), "scene": case.name} | score(
-        read_safe_map(path, case, safe_from), case.truth
-    ).figures()
+    named = {"file": str(path), "scene": case.name, "as_frozen": case.digests_agree}
+    return named | score(read_safe_map(path, case, safe_from), case.truth).figures()
 
 
 def _named(name: str, choice: BenchmarkChoice) -> BenchmarkCase:
@@ -212,8 +249,20 @@ def _scene_folders(folder: Path) -> list[Path]:
     return found
 
 
-def _judged(method: LandingMethod, returns: FlownReturns, task: LandingTask) -> SafeMap:
-    """Return a method's answer, checked."""
+def _read_only(returns: FlownReturns) -> FlownReturns:
+    """Return a copy that no method can change, so that every method judges the same returns."""
+    arrays = (returns.points_m, returns.stamp_s, returns.window, returns.sensors_m)
+    return FlownReturns(*(_locked(values) for values in arrays))
+
+
+def _locked(values: NDArray[Any]) -> NDArray[Any]:
+    own = values.copy()
+    own.setflags(write=False)
+    return own.view()  # a view of a locked array cannot be unlocked
+
+
+def _judged(method: LandingMethod, returns: FlownReturns, task: LandingTask, place: str) -> SafeMap:
+    """Return a method's answer, checked; place: scene and flight, for errors."""
     try:
         answer = method.judge(returns, task)
         states = np.asarray(answer.state)
@@ -222,19 +271,28 @@ def _judged(method: LandingMethod, returns: FlownReturns, task: LandingTask) -> 
     except CompanionError:
         raise
     except Exception as error:
-        line = " ".join(f"{type(error).__name__}: {error}".split())[:160]
-        raise CompanionError(f"method {method.name!r} fails: {line}") from error
-    if states.shape != task.grid.shape or not np.isin(states, (0, 1, UNKNOWN)).all():
-        raise CompanionError(f"method {method.name!r}: its states must be {task.grid.shape} of 0, 1 and 255")
+        raise CompanionError(f"method {method.name!r} {_failure(error)} ({place})") from error
+    shape, whose = task.grid.shape, f"method {method.name!r}, {place}: its"
+    if states.shape != shape or not np.isin(states, (0, 1, UNKNOWN)).all():
+        raise CompanionError(f"{whose} states must be {shape} of 0, 1 and 255")
     if probability is not None:
         known = probability[np.isfinite(probability)]
-        if probability.shape != task.grid.shape or (len(known) and (known.min() < 0 or known.max() > 1)):
-            raise CompanionError(
-                f"method {method.name!r}: its probabilities must be {task.grid.shape} of 0 to 1"
-            )
-    if share is not None and (share.shape != task.grid.shape or (share < 0).any()):
-        raise CompanionError(f"method {method.name!r}: its shares must be {task.grid.shape} of 0 and more")
+        if probability.shape != shape or (len(known) and (known.min() < 0 or known.max() > 1)):
+            raise CompanionError(f"{whose} probabilities must be {shape} of 0 to 1")
+    if share is not None and (share.shape != shape or (share < 0).any()):
+        raise CompanionError(f"{whose} shares must be {shape} of 0 and more")
     return SafeMap(states.astype(np.uint8), probability, share)
+
+
+def _failure(error: Exception) -> str:
+    """Return what failed, and the last line of the method's own file that led there."""
+    line = " ".join(f"{type(error).__name__}: {error}".split())[:160]
+    frames = traceback.extract_tb(error.__traceback__)[1:]  # without the call of `judge`
+    own = [frame for frame in frames if frame.filename == frames[0].filename]
+    at = f" at {own[-1].filename}:{own[-1].lineno}" if own else ""
+    if isinstance(error, ValueError) and "read-only" in str(error):
+        return f"changes its input{at}, which is read-only: copy it first: {line}"
+    return f"fails{at}: {line}"
 
 
 def names_of(methods: Sequence[LandingMethod]) -> list[dict[str, str]]:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
+import math
+import re
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +18,23 @@ import rasterio.crs
 from numpy.typing import NDArray
 from rasterio import Affine
 
-from companion.desk.open_benchmark.benchmark_case import BenchmarkCase
+from companion.desk.clouds.cloud_source import translated
+from companion.desk.clouds.crs import from_option
+from companion.desk.clouds.header_check import check_header
+from companion.desk.clouds.las import coordinates, pieces
+from companion.desk.clouds.pcd import open_pcd
+from companion.desk.open_benchmark.benchmark_case import BenchmarkCase, frozen_agreement, local_crs
 from companion.desk.open_benchmark.footprint_truth import SceneTruth
-from companion.desk.open_benchmark.landing_task import UNKNOWN, CellGrid, FlownReturns, LandingTask
+from companion.desk.open_benchmark.landing_task import (
+    F64,
+    SAFE,
+    U8,
+    UNKNOWN,
+    UNSAFE,
+    CellGrid,
+    FlownReturns,
+    LandingTask,
+)
 from companion.desk.open_benchmark.scan_simulation import RESOLUTION_M
 from companion.runtime.errors import UsageError
 
@@ -27,6 +43,7 @@ CLOUD_FORMATS = ("laz", "pcd")
 POSE_COLUMNS = ("t_s", "x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 LEVEL = ("0", "0", "0", "1")  # the sensor's axes are those of the scene
 SCENE_FILE, TRUTH, KIND, VALUES = "scene.json", "truth.tif", "kind.tif", "truth_values.tif"
+NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,99}")  # of scenes and flights, whose folders they name
 
 
 def write_case(case: BenchmarkCase, out: Path, cloud_format: str = "laz") -> list[Path]:
@@ -35,7 +52,14 @@ def write_case(case: BenchmarkCase, out: Path, cloud_format: str = "laz") -> lis
     truth.tif: uint8, 0 unsafe, 1 safe, 255 not judged. kind.tif: uint8, index into `kinds` of scene.json.
     truth_values.tif: float64, slope (deg) and relief (m) of each footprint. All are north up. Each flight has
     a folder with its cloud in local metres and the sensor's poses; a pose holds until the next.
+
+    Raises
+    ------
+    UsageError
+        The name of the case or of a flight cannot be that of a folder.
     """
+    for name in (case.name, *case.flights):
+        _check_name(name, f"scene {case.name!r}")
     folder = out / case.name
     folder.mkdir(parents=True, exist_ok=True)
     truth, grid = case.truth, case.task.grid
@@ -71,31 +95,36 @@ def write_case(case: BenchmarkCase, out: Path, cloud_format: str = "laz") -> lis
 
 
 def read_case(folder: Path, with_flights: bool = True) -> BenchmarkCase:
-    """Read a case that `write_case` or another program wrote; clouds must be LAS or LAZ.
+    """Read a case that `write_case` or another program wrote; clouds are LAS, LAZ or PCD.
+
+    A PCD file needs the fields x, y, z, t (s) and window (from 0). `digests_agree` is True where the case is
+    a frozen scene, digest by digest, else None.
 
     Raises
     ------
     UsageError
-        A file is missing, or is not what scene.json says.
+        A file is missing, is not what scene.json says, or has values that mean nothing.
     """
     try:
         document = json.loads((folder / SCENE_FILE).read_text("utf-8"))
         if document["format"] != FORMAT or document["format_version"] != FORMAT_VERSION:
             raise UsageError(f"{folder}: scene.json is not of format {FORMAT} {FORMAT_VERSION}")
-        task = _task(document["task"])
-        lat, lon, alt = (float(document["origin"][name]) for name in ("lat_deg", "lon_deg", "alt_m"))
+        name = str(document["name"])
+        flights: Mapping[str, str] = document["flights"]
+        for given in (name, *flights):
+            _check_name(given, str(folder / SCENE_FILE))
+        task = _task(document["task"], folder / SCENE_FILE)
+        lat, lon, alt = (float(document["origin"][key]) for key in ("lat_deg", "lon_deg", "alt_m"))
+        if not (abs(lat) <= 90 and abs(lon) <= 180 and math.isfinite(alt)):
+            raise UsageError(f"{folder / SCENE_FILE}: its origin {lat:g}, {lon:g}, {alt:g} is no place")
         kinds = tuple(str(kind) for kind in document["kinds"])
         slope, relief = _read_rasters(folder / VALUES, task.grid, 2)
-        truth = SceneTruth(
-            _read_rasters(folder / TRUTH, task.grid, 1)[0],
-            _read_rasters(folder / KIND, task.grid, 1)[0],
-            kinds,
-            slope,
-            relief,
-        )
-        flights: Mapping[str, str] = document["flights"] if with_flights else {}
-        read = {label: _read_flight(folder / path) for label, path in flights.items()}
-        return BenchmarkCase(str(document["name"]), (lat, lon, alt), task, truth, read, document["scene"])
+        safe, kind = _read_states(folder, task.grid, len(kinds))
+        truth = SceneTruth(safe, kind, kinds, slope, relief)
+        origin = lat, lon, alt
+        read = {label: _read_flight(folder / path, origin) for label, path in flights.items() if with_flights}
+        case = BenchmarkCase(name, origin, task, truth, read, document["scene"])
+        return replace(case, digests_agree=frozen_agreement(case) or None)
     except UsageError:
         raise
     except (
@@ -103,17 +132,30 @@ def read_case(folder: Path, with_flights: bool = True) -> BenchmarkCase:
         KeyError,
         TypeError,
         ValueError,
+        AttributeError,
+        csv.Error,
         rasterio.errors.RasterioError,
-        laspy.LaspyException,
     ) as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
         raise UsageError(f"{folder}: it is no scene of the benchmark ({reason})") from None
 
 
-def _task(values: Mapping[str, Any]) -> LandingTask:
+def _check_name(name: str, where: str) -> None:
+    if not NAME.fullmatch(name):
+        raise UsageError(
+            f"{where}: the name {name[:60]!r} cannot be that of a folder: use letters, digits, -, _ and .,"
+            " no . first"
+        )
+
+
+def _task(values: Mapping[str, Any], file: Path) -> LandingTask:
     limits = {name: float(value) for name, value in values.items() if name != "grid"}
     grid = values["grid"]
     sides = {name: float(grid[name]) for name in ("west_m", "south_m", "cell_m")}
+    positive = {name: value for name, value in limits.items() if name != "range_noise_m"}
+    for name, value in {**positive, "cell_m": sides["cell_m"]}.items():
+        if not (math.isfinite(value) and value > 0):
+            raise UsageError(f"{file}: its {name} is {value:g}: it must be above 0")
     return LandingTask(CellGrid(**sides, rows=int(grid["rows"]), cols=int(grid["cols"])), **limits)
 
 
@@ -143,6 +185,23 @@ def _read_rasters(path: Path, grid: CellGrid, bands: int) -> NDArray[Any]:
     if values.shape != (bands, *grid.shape):
         raise UsageError(f"{path}: it has {values.shape}, scene.json says {(bands, *grid.shape)}")
     return np.ascontiguousarray(values[:, ::-1])
+
+
+def _read_states(folder: Path, grid: CellGrid, n_kinds: int) -> tuple[U8, U8]:
+    """Return the states and kinds of a truth, (rows, cols) each, all of whose values are known ones."""
+    states = _read_rasters(folder / TRUTH, grid, 1)[0]
+    kinds = _read_rasters(folder / KIND, grid, 1)[0]
+    _check_values(folder / TRUTH, states, np.isin(states, (UNSAFE, SAFE, UNKNOWN)), "0, 1 or 255")
+    known = (kinds >= 0) & (kinds < n_kinds) & (kinds == np.floor(kinds))
+    allowed = f"the index of one of the {n_kinds} kinds of scene.json"
+    _check_values(folder / KIND, kinds, known | (kinds == UNKNOWN), f"{allowed}, or 255")
+    _check_values(folder / KIND, kinds, known | (states != UNSAFE), f"{allowed} where truth.tif is 0")
+    return states.astype(np.uint8), kinds.astype(np.uint8)
+
+
+def _check_values(path: Path, values: NDArray[Any], right: NDArray[np.bool_], allowed: str) -> None:
+    if not right.all():
+        raise UsageError(f"{path}: it has the value {values[~right][0]:g}, not {allowed}")
 
 
 def _write_laz(path: Path, returns: FlownReturns, case: BenchmarkCase) -> None:
@@ -187,16 +246,48 @@ def _write_poses(path: Path, returns: FlownReturns) -> None:
             writer.writerow([f"{float(k):.3f}", *place, *LEVEL])
 
 
-def _read_flight(cloud_path: Path) -> FlownReturns:
-    cloud = laspy.read(cloud_path)
-    points = np.column_stack([np.asarray(cloud[axis], np.float64) for axis in "xyz"])
+def _read_flight(cloud_path: Path, origin: tuple[float, float, float]) -> FlownReturns:
+    form = cloud_path.suffix.lower()
+    if form in (".las", ".laz"):
+        points, stamps, window = _read_las(cloud_path)
+    elif form == ".pcd":
+        points, stamps, window = _read_pcd(cloud_path, origin)
+    else:
+        raise UsageError(f"{cloud_path}: a flight's cloud is LAS, LAZ or PCD")
     with (cloud_path.parent / "poses.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     sensors = np.array([[float(row[axis] or "nan") for axis in POSE_COLUMNS[1:4]] for row in rows]).reshape(
         -1, 3
     )
-    window = np.asarray(cloud.point_source_id).astype(np.int64) - 1
     if len(points) == 0 or window.min() < 0 or window.max() >= len(sensors):
-        raise UsageError(f"{cloud_path}: its points name poses 1 to {len(sensors)} by their point source ID")
+        field = "window, from 0" if form == ".pcd" else "point source ID, from 1"
+        raise UsageError(f"{cloud_path}: its points must name one of {len(sensors)} poses by their {field}")
+    if not (np.isfinite(points).all() and np.isfinite(stamps).all()):
+        raise UsageError(f"{cloud_path}: a coordinate or time of it is no finite number")
     scaled = np.rint(points / RESOLUTION_M) * RESOLUTION_M
-    return FlownReturns(scaled, np.asarray(cloud.gps_time, np.float64), window, sensors)
+    return FlownReturns(scaled, stamps, window, sensors)
+
+
+def _read_las(path: Path) -> tuple[F64, F64, NDArray[np.int64]]:
+    """Return points, times and windows of a LAS or LAZ file."""
+    check_header(path)
+    with translated(path), laspy.open(path, encoding_errors="replace") as reader:
+        n, names = int(reader.header.point_count), set(reader.header.point_format.dimension_names)
+    if not n or "gps_time" not in names:
+        raise UsageError(f"{path}: it has no {'gps_time' if n else 'points'}")
+    parts = list(pieces(path, n))
+    return (
+        np.concatenate([coordinates(part) for part in parts]),
+        np.concatenate([np.asarray(part.gps_time, np.float64) for part in parts]),
+        np.concatenate([np.asarray(part.point_source_id, np.int64) for part in parts]) - 1,
+    )
+
+
+def _read_pcd(path: Path, origin: tuple[float, float, float]) -> tuple[F64, F64, NDArray[np.int64]]:
+    """Return points, times and windows of a PCD file."""
+    records = open_pcd(path, from_option(local_crs(origin).to_wkt())).records()
+    lacking = [name for name in ("x", "y", "z", "t", "window") if name not in (records.dtype.names or ())]
+    if lacking:
+        raise UsageError(f"{path}: its points have no field {lacking[0]}")
+    points = np.column_stack([records[axis].astype(np.float64) for axis in "xyz"])
+    return points, records["t"].astype(np.float64), records["window"].astype(np.int64)

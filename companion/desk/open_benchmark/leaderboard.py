@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import html
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -57,14 +58,14 @@ def write(out: Path, document: dict[str, Any], scenes: Sequence[dict[str, Any]])
 def markdown(document: dict[str, Any]) -> str:
     """Return the leaderboard as Markdown."""
     lines = [
-        f"# Benchmark of safe maps, version {document['version']}",
+        f"# {_heading(document)}",
         "",
         TEXT + document["timing"] + ".",
         "",
     ]
-    lines += [f"{line}" for line in _notes(document)]
+    lines += [_plain(line) for line in _notes(document)]
     for group in groups_of(document):
-        lines += ["", f"## {_title(group)}", ""]
+        lines += ["", f"## {_plain(_title(group))}", ""]
         lines += _table(
             ["method", *(title for _, title in COLUMNS), "Brier", "ms"], _figures(document, group)
         )
@@ -75,8 +76,10 @@ def markdown(document: dict[str, Any]) -> str:
             lines += ["", "Unsafe called safe by kind of hazard, %:", ""]
             lines += _table(["method", *kinds], _kind_figures(document, group, kinds))
     lines += ["", "## Where another method is better than this project's", ""]
-    lines += [f"- {line}" for line in better_than_ours(document)] or ["- nowhere"]
-    lines += ["", "## Sources", ""] + [f"- {m['name']}: {m['source']}" for m in document["methods"]]
+    lines += [f"- {_plain(line)}" for line in better_than_ours(document)] or ["- nowhere"]
+    lines += ["", "## Sources", ""] + [
+        f"- {_plain(m['name'])}: {_plain(m['source'])}" for m in document["methods"]
+    ]
     return "\n".join(lines) + "\n"
 
 
@@ -215,19 +218,42 @@ def _percent(share: float | None) -> str:
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    lines = ["| " + " | ".join(columns) + " |", "|" + "---|" * len(columns)]
-    return lines + ["| " + " | ".join(row) + " |" for row in rows]
+    """Return a Markdown table; the first of a row is a name, the rest are figures and their emphasis."""
+    lines = ["| " + " | ".join(map(_plain, columns)) + " |", "|" + "---|" * len(columns)]
+    return lines + ["| " + " | ".join([_plain(row[0]), *row[1:]]) + " |" for row in rows]
+
+
+def _plain(text: str) -> str:
+    """Return a text that Markdown shows as it is, on one line."""
+    return re.sub(r"([\\`*\[\]|])", r"\\\1", html.escape(" ".join(text.split()), quote=False))
+
+
+def _heading(document: dict[str, Any]) -> str:
+    if document["other_scenes"] and not document["frozen_scenes"]:
+        return "Safe maps on other scenes than the benchmark's"
+    also = ", and other scenes" if document["other_scenes"] else ""
+    return f"Benchmark of safe maps, version {document['version']}{also}"
 
 
 def _notes(document: dict[str, Any]) -> list[str]:
-    notes = [f"{document['scenes']} scenes, {document['seconds']:.0f} s on {document['machine']}."]
+    n, frozen, version = document["scenes"], document["frozen_scenes"], document["version"]
+    counted = f"{n} scene{'' if n == 1 else 's'}"
+    notes = [f"{counted}, {document['seconds']:.0f} s on {document['machine']}."]
+    if 0 < frozen < document["frozen_scenes_of_version"]:
+        notes.append(f"{frozen} of the {document['frozen_scenes_of_version']} scenes of version {version}.")
+    if document["other_scenes"]:
+        names = ", ".join(document["other_scenes"])
+        notes.append(f"Other scenes than the frozen ones of version {version}: {names}.")
     if document["not_as_frozen"]:
         notes.append(f"Not as frozen on this machine: {', '.join(document['not_as_frozen'])}.")
+    if document["flights_without_digest"]:
+        flights = ", ".join(map(_title, document["flights_without_digest"]))
+        notes.append(f"Flights whose returns no digest of the manifest freezes: {flights}.")
     return notes
 
 
 def _html(document: dict[str, Any], scenes: Sequence[dict[str, Any]]) -> str:
-    title = f"Benchmark of safe maps, version {document['version']}"
+    title = _heading(document)
     parts = [
         f"<!doctype html><html lang=en><meta charset=utf-8><title>{title}</title><style>{STYLE}</style>",
         f"<h1>{title}</h1><p>{html.escape(TEXT + document['timing'])}.</p>",

@@ -13,6 +13,7 @@ import shapely
 from numpy.typing import NDArray
 from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError, ProjError
+from rasterio.enums import ColorInterp
 from rasterio.errors import NotGeoreferencedWarning, RasterioError
 
 from companion.desk.open_benchmark.benchmark_case import BenchmarkCase
@@ -30,14 +31,17 @@ def read_safe_map(path: Path, case: BenchmarkCase, safe_from: float = 0.5) -> Sa
     Parameters
     ----------
     safe_from
-        Least probability of a cell that is called safe, for maps of probabilities.
+        Least probability of a cell that is called safe, for maps of probabilities: above 0, at most 1,
+        compared in float32.
 
     Raises
     ------
     UsageError
         The file is missing or of no known kind, cannot be read, is empty, has no CRS or one that cannot be
-        converted, lies elsewhere, covers too little, or has values that mean nothing.
+        converted, lies elsewhere, covers too little, or has values that mean nothing; or safe_from is none.
     """
+    if not 0 < np.float32(safe_from) <= 1:
+        raise UsageError(f"--safe-from {safe_from:g}: a probability above 0, at most 1, is needed")
     if not path.is_file():
         raise UsageError(f"{path}: there is no such file")
     if path.stat().st_size == 0:
@@ -54,7 +58,7 @@ def read_raster(path: Path, case: BenchmarkCase, safe_from: float) -> SafeMap:
     """Read band 1 of a GeoTIFF at the centres of the case's cells, the nearest cell.
 
     Whole numbers: 0 unsafe, 1 safe, nodata or 255 unknown. Floating point: probability of safe, NaN or
-    nodata unknown.
+    nodata unknown. What the file's mask or its alpha band hides is unknown, whatever its value.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
@@ -62,12 +66,13 @@ def read_raster(path: Path, case: BenchmarkCase, safe_from: float) -> SafeMap:
             with rasterio.open(path) as file:
                 values, crs, nodata = file.read(1), file.crs, file.nodata
                 transform = file.transform
+                unknown = _hidden(file)
         except (RasterioError, ValueError) as error:
             raise UsageError(f"{path}: it is no readable GeoTIFF ({_line(error)})") from None
     if crs is None or transform.is_identity:
         raise UsageError(f"{path}: it has no CRS or no georeference: write it in that of truth.tif")
     values = values.astype(np.float64) if values.dtype.kind == "f" else values
-    unknown = np.isnan(values) if values.dtype.kind == "f" else values == UNKNOWN
+    unknown |= np.isnan(values) if values.dtype.kind == "f" else values == UNKNOWN
     if nodata is not None:
         unknown |= values == nodata
     _check_values(path, values[~unknown])
@@ -76,18 +81,28 @@ def read_raster(path: Path, case: BenchmarkCase, safe_from: float) -> SafeMap:
     inside = (row >= 0) & (col >= 0) & (row < values.shape[0]) & (col < values.shape[1])
     _check_cover(path, case, inside)
     at = row[inside].astype(np.int64), col[inside].astype(np.int64)
-    probability = np.full(case.task.grid.shape, np.nan)
-    probability[inside] = np.where(unknown[at], np.nan, values[at].astype(np.float64))
-    state = np.where(np.isnan(probability), UNKNOWN, np.where(probability >= safe_from, SAFE, UNSAFE))
+    probability = np.full(case.task.grid.shape, np.nan, np.float32)
+    probability[inside] = np.where(unknown[at], np.nan, values[at].astype(np.float32))
+    safe = probability >= np.float32(safe_from)
+    state = np.where(np.isnan(probability), UNKNOWN, np.where(safe, SAFE, UNSAFE))
     if (state[case.truth.safe != UNKNOWN] == UNKNOWN).all():
         raise UsageError(f"{path}: it is empty, no judged cell has a value")
     fuzzy = values.dtype.kind == "f"
-    return SafeMap(state.astype(np.uint8), probability.astype(np.float32) if fuzzy else None)
+    return SafeMap(state.astype(np.uint8), probability if fuzzy else None)
+
+
+def _hidden(file: rasterio.DatasetReader) -> NDArray[np.bool_]:
+    """Return the cells that nodata, a mask or an alpha band hides, (height, width) of the file."""
+    hidden = (file.read_masks(1) == 0) | (file.dataset_mask() == 0)
+    for band, meaning in zip(file.indexes, file.colorinterp, strict=True):
+        if meaning == ColorInterp.alpha:  # one beside a nodata value is in no mask
+            hidden |= file.read(band) == 0
+    return np.asarray(hidden, np.bool_)
 
 
 def _check_values(path: Path, known: NDArray[Any]) -> None:
     if not known.size:
-        raise UsageError(f"{path}: it is empty, all of its cells are nodata")
+        raise UsageError(f"{path}: it is empty, all of its cells are nodata or masked")
     low, high = known.min(), known.max()
     if known.dtype.kind == "f":
         if low < 0 or high > 1:

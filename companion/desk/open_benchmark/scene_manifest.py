@@ -14,16 +14,38 @@ from companion.desk.open_benchmark.footprint_truth import SceneTruth
 from companion.desk.open_benchmark.frozen_scenes import FrozenScene
 from companion.desk.open_benchmark.landing_task import FlownReturns
 from companion.desk.open_benchmark.scan_simulation import RESOLUTION_M
+from companion.runtime.errors import CompanionError
 
 VERSION = 1
 FILE = "manifest.json"
 
 
-def read_manifest() -> dict[str, Any]:
-    """Return the manifest of the installed program."""
-    text = resources.files("companion.desk.open_benchmark").joinpath(FILE).read_text("utf-8")
-    manifest: dict[str, Any] = json.loads(text)
-    return manifest
+def read_manifest() -> dict[str, dict[str, Any]]:
+    """Return the entries of the installed program's manifest by the scenes' names.
+
+    Raises
+    ------
+    CompanionError
+        The manifest is missing, broken or of another version.
+    """
+    place = resources.files("companion.desk.open_benchmark").joinpath(FILE)
+    try:
+        manifest = json.loads(place.read_text("utf-8"))
+        if manifest["version"] != VERSION:
+            raise ValueError(f"it is of version {manifest['version']!r}, the program of {VERSION}")
+        return {str(entry["name"]): _complete(entry) for entry in manifest["scenes"]}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
+        raise CompanionError(
+            f"{place}: the benchmark's manifest is broken ({reason}): install the program again"
+        ) from None
+
+
+def _complete(entry: dict[str, Any]) -> dict[str, Any]:
+    digests = [flown["sha256"] for flown in entry["returns"].values()]
+    for digest in (entry["scene_sha256"], entry["truth_sha256"], *digests):
+        int(digest, 16)
+    return entry
 
 
 def description(scene: FrozenScene) -> dict[str, Any]:
@@ -40,7 +62,12 @@ def description(scene: FrozenScene) -> dict[str, Any]:
 
 def description_digest(scene: FrozenScene) -> str:
     """Return SHA-256 of the closed form."""
-    text = json.dumps(description(scene), sort_keys=True, separators=(",", ":"))
+    return document_digest(description(scene))
+
+
+def document_digest(document: Any) -> str:
+    """Return SHA-256 of a closed form that is JSON already."""
+    text = json.dumps(document, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -16,10 +16,17 @@ from companion.cli import program
 from companion.desk.open_benchmark.exchange_folder import write_case
 from companion.desk.open_benchmark.leaderboard import better_than_ours, markdown
 from companion.desk.open_benchmark.methods import METHODS, OURS, REFERENCE
+from companion.desk.open_benchmark.scene_manifest import read_manifest
 from tests import REPOSITORY
 from tests.unit.companion.desk.open_benchmark.flights_over import case_of
 
 OWN = REPOSITORY / "docs" / "examples" / "own_method.py"
+UNCHANGED = {
+    "frozen_scenes": 1,
+    "frozen_scenes_of_version": 32,
+    "other_scenes": [],
+    "flights_without_digest": [],
+}
 Capture = pytest.CaptureFixture[str]
 
 
@@ -54,6 +61,11 @@ def test_methods_of_a_file_are_judged_on_scenes_of_a_folder(
     page = (out / "index.html").read_text("utf-8")
     assert not re.search(r"(src|href)=|https?:|@import|url\(", page)
     assert "height range" in page
+    assert summary["other_scenes"] == ["small"]
+    for text in (page, (out / "leaderboard.md").read_text("utf-8")):
+        assert "on other scenes than the benchmark" in text
+        assert "Other scenes than the frozen ones of version 1: small." in text
+        assert "1 scene, " in text
     with (out / "scenes.csv").open(encoding="utf-8", newline="") as file:
         assert [row["method"] for row in csv.DictReader(file)] == ["height range", REFERENCE.name]
 
@@ -86,7 +98,8 @@ def test_a_frozen_scene_is_exported_with_its_truth(
         "--json",
     ]
     assert ended(monkeypatch, *words) == 0
-    assert json.loads(capsys.readouterr().out)["scenes"] == ["kerb-0.1m"]
+    written = json.loads(capsys.readouterr().out)
+    assert (written["scenes"], written["not_as_frozen"]) == (["kerb-0.1m"], [])
     names = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.*") if path.is_file()}
     files = {"scene.json", "truth.tif", "kind.tif", "truth_values.tif", "2/points.pcd", "2/poses.csv"}
     assert names == {f"kerb-0.1m/{name}" for name in files}
@@ -105,6 +118,12 @@ def test_scenes_and_methods_are_listed(monkeypatch: pytest.MonkeyPatch, capsys: 
     [
         ([], "--out DIR is needed"),
         (["--score", "a.tif"], "goes with --scene NAME"),
+        (["--score", "a.tif", "--scene", "yard", "--scene", "moon"], "goes with one --scene NAME"),
+        (["--score", "a.tif", "--scene", "yard", "--out", "o"], "--score does not go with --out"),
+        (["--score", "a.tif", "--scene", "yard", "--export"], "--score does not go with --export"),
+        (["--score", "a.tif", "--scene", "yard", "--method", "slz"], "--score does not go with --method"),
+        (["--export", "--out", "o", "--method", "slz"], "--export does not go with --method"),
+        (["--out", "o", "--scene", "yard"], "--scene NAME goes with --score FILE"),
         (["--score", "a.tif", "--scene", "mars"], "no scene is named 'mars'"),
         (["--out", "o", "--method", "magic"], "no method is named 'magic'"),
         (["--out", "o", "--only", "mars"], "no scene is named 'mars'"),
@@ -125,7 +144,11 @@ def test_bad_requests_are_one_line(
 @pytest.mark.parametrize(
     ("body", "complaint"),
     [
-        ("1 / 0", "fails: ZeroDivisionError"),
+        ("1 / 0", "fails at {file}:7: ZeroDivisionError: division by zero (scene small, flight 2)"),
+        ("np.linalg.inv(np.zeros((2, 2)))", "fails at {file}:7: LinAlgError: Singular matrix"),
+        ("returns.points_m[:] = 0", "method 'm' changes its input at {file}:7, which is read-only"),
+        ("returns.sensors_m.sort()", "method 'm' changes its input at {file}:7, which is read-only"),
+        ("returns.points_m.flags.writeable = True", "method 'm' fails at {file}:7: ValueError"),
         ("return SafeMap(np.zeros((1, 1), np.uint8))", "its states must be"),
         ("return SafeMap(np.full(task.grid.shape, 7, np.uint8))", "of 0, 1 and 255"),
         ("return SafeMap(np.zeros(task.grid.shape, np.uint8), np.full(task.grid.shape, 2.0))", "of 0 to 1"),
@@ -142,7 +165,9 @@ def test_methods_that_fail_end_with_one_line(
     (tmp_path / "m.py").write_text(text, "utf-8")
     words = ["--scenes", scenes, "--method-file", tmp_path / "m.py", "--method", "all seen"]
     assert ended(monkeypatch, *words, "--out", tmp_path / "out") == 1
-    assert complaint in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert complaint.format(file=tmp_path / "m.py") in said
+    assert said.count("\n") == 1
 
 
 def figures(missed: float, found: float, ms: float) -> dict[str, object]:
@@ -164,6 +189,7 @@ def test_the_page_says_where_another_method_wins_and_not_where_one_finds_nothing
         "seconds": 1.0,
         "machine": "",
         "not_as_frozen": ["yard"],
+        **UNCHANGED,
         "methods": [{"name": name, "source": "", "groups": {"20": of}} for name, of in groups.items()],
     }
     lines = better_than_ours(document)
@@ -187,6 +213,31 @@ def test_methods_that_find_less_than_half_come_after_the_others_and_the_referenc
     }
     methods = [{"name": name, "source": "", "groups": {"20": of}} for name, of in groups.items()]
     document = {"version": 1, "timing": "", "scenes": 1, "seconds": 1.0, "machine": "", "not_as_frozen": []}
+    document |= UNCHANGED
     rows = re.findall(r"^\| ([^|]+) \|", markdown(document | {"methods": methods}), re.MULTILINE)
     expected = [OURS, "half", "nothing", "timid", REFERENCE.name]
     assert [row for row in rows if row in groups] == 2 * expected  # both tables
+
+
+def test_names_of_others_are_shown_as_they_are() -> None:
+    name, source = "a|b <script>", "[click](javascript:x) `<img>`\n# big"
+    methods = [{"name": name, "source": source, "groups": {"x|y": figures(0.1, 0.9, 1.0)}}]
+    document = {"version": 1, "timing": "", "scenes": 2, "seconds": 1.0, "machine": "", "not_as_frozen": []}
+    page = markdown(document | UNCHANGED | {"methods": methods})
+    assert "| a\\|b &lt;script&gt; | **10.0** |" in page
+    assert r"- a\|b &lt;script&gt;: \[click\](javascript:x) \`&lt;img&gt;\` # big" in page
+    assert "<" not in page
+    assert "2 scenes, " in page
+
+
+def test_a_scene_that_differs_from_the_manifest_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    other = {name: entry | {"truth_sha256": "0"} for name, entry in read_manifest().items()}
+    monkeypatch.setattr("companion.desk.open_benchmark.benchmark_case.read_manifest", lambda: other)
+    words = ["--only", "plane-0", "--density", "1", "--out", tmp_path / "out"]
+    assert ended(monkeypatch, "--export", *words) == 0
+    assert "not as frozen on this machine: plane-0deg" in " ".join(capsys.readouterr().out.split())
+    truth = tmp_path / "out" / "plane-0deg" / "truth.tif"
+    assert ended(monkeypatch, "--score", truth, "--scene", "plane-0deg", "--json") == 0
+    assert json.loads(capsys.readouterr().out)["as_frozen"] is False

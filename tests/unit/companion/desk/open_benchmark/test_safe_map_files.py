@@ -84,6 +84,40 @@ def test_probabilities_are_safe_from_a_limit_on_and_nan_is_unknown(tmp_path: Pat
     assert answer.state[0, 1] == 255
 
 
+def test_the_limit_is_compared_in_the_precision_of_the_map(tmp_path: Path) -> None:
+    path = write_raster(tmp_path / "a.tif", np.full((3, 4), 0.9, np.float32), nodata=None)
+    assert (read_safe_map(path, CASE, safe_from=0.9).state == 1).all()
+    assert (read_safe_map(path, CASE, safe_from=0.91).state == 0).all()
+
+
+@pytest.mark.parametrize("limit", [0.0, -0.1, 1.01, float("nan"), 1e-50])
+def test_limits_that_call_everything_or_nothing_safe_are_refused(tmp_path: Path, limit: float) -> None:
+    path = write_raster(tmp_path / "a.tif", SAFE)
+    with pytest.raises(UsageError, match="--safe-from .*: a probability above 0"):
+        read_safe_map(path, CASE, safe_from=limit)
+
+
+@pytest.mark.parametrize("internal", [True, False])
+@pytest.mark.parametrize("kind", [np.uint8, np.float32])
+def test_masked_cells_are_unknown(tmp_path: Path, internal: bool, kind: type) -> None:
+    path = write_raster(tmp_path / "a.tif", np.ones((3, 4), kind), nodata=None)
+    shown = np.array([[255, 255, 0, 0], [255, 0, 0, 255], [255, 255, 255, 255]], np.uint8)
+    with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=internal), rasterio.open(path, "r+") as file:
+        file.write_mask(shown[::-1])
+    assert np.array_equal(read(path).state, np.where(shown, 1, 255))
+
+
+@pytest.mark.parametrize("nodata", [None, 255])
+def test_cells_under_a_transparent_alpha_are_unknown(tmp_path: Path, nodata: int | None) -> None:
+    path, shown = tmp_path / "a.tif", np.full((3, 4), 255, np.uint8)
+    shown[0, 1:] = 0
+    place = {"crs": LOCAL, "transform": Affine(CELL, 0, -1.0, 0, -CELL, 0.75)}
+    size = {"width": 4, "height": 3, "count": 2, "dtype": "uint8", "nodata": nodata}
+    with rasterio.open(path, "w", driver="GTiff", ALPHA="YES", **size, **place) as file:
+        file.write(np.stack([np.ones((3, 4), np.uint8), shown[::-1]]))
+    assert np.array_equal(read(path).state, np.where(shown, 1, 255))
+
+
 def test_a_map_in_another_crs_lies_at_the_same_place(tmp_path: Path) -> None:
     to_utm = Transformer.from_crs(CASE.crs, "EPSG:32632", always_xy=True)
     x, y = to_utm.transform(0.0, 0.0)
