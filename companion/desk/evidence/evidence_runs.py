@@ -56,6 +56,11 @@ def overlap(a: Seeds, b: Seeds) -> bool:
     return any(p[0] < q[1] and q[0] < p[1] for p in a for q in b)
 
 
+def size(seeds: Seeds) -> int:
+    """Return the number of seeds in ranges without a common seed."""
+    return sum(end - first for first, end in seeds)
+
+
 def seeds_text(seeds: Seeds) -> str:
     """Return ranges as text, such as `0-1999, 5000`; neighbouring ranges are joined."""
     joined: list[list[int]] = []

@@ -9,10 +9,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
-from companion.desk.evidence.artefact_fields import Fields
-from companion.desk.evidence.evidence_runs import ENVIRONMENTS, SIMULATION, UNKNOWN_VERSION, Runs, Seeds
+from companion.desk.evidence.artefact_fields import ArtefactError, Fields
+from companion.desk.evidence.evidence_runs import ENVIRONMENTS, SIMULATION, UNKNOWN_VERSION, Runs, Seeds, size
 from companion.desk.evidence.flight_results import CAMPAIGN, LANDINGS, TOUCHDOWNS
 from companion.desk.evidence.fuzz_and_soak import FUZZ, SOAK
 from companion.runtime.program_version import program_version
@@ -69,7 +70,8 @@ def read_counts(document: Fields) -> list[Runs]:
     Raises
     ------
     ArtefactError
-        A field is missing or impossible, or the ends do not add up to the flights.
+        A field is missing or impossible, the ends do not add up to the flights, ranges of seeds overlap, or
+        there is not one seed for each flight.
     """
     if document.count("version") != COUNTS_VERSION:
         raise document.bad("version", str(COUNTS_VERSION))
@@ -83,8 +85,8 @@ def read_counts(document: Fields) -> list[Runs]:
         "environment": document.choice("environment", ENVIRONMENTS),
     }
     flights, unsafe = _ends(document)
-    if common["is_random"] and flights > sum(end - first for first, end in common["seeds"]):
-        raise document.bad("flights", "a seed for each flight of an independent sample")
+    if flights != (seeds := size(common["seeds"])):
+        raise document.bad("flights", f"one flight for each seed, {seeds},")
     what = f"{tool}: {unsafe} unsafe of {flights}" if unsafe else ""
     touchdowns = document.count("safe") + unsafe
     found = [
@@ -119,4 +121,11 @@ def _seeds(document: Fields) -> Seeds:
         ranges.append((each[0], each[1]))
     if not ranges:
         raise document.bad("seeds", "one range at least")
+    in_order = sorted(ranges)
+    for before, after in pairwise(in_order):
+        if after[0] < before[1]:
+            raise ArtefactError(
+                f"--artefact {document.where}: 'seeds' [{before[0]}, {before[1]}] and [{after[0]}, {after[1]}] "
+                "overlap: a seed is one flight, so name it and count its flight once"
+            )
     return tuple(ranges)
