@@ -70,8 +70,8 @@ def read_counts(document: Fields) -> list[Runs]:
     Raises
     ------
     ArtefactError
-        A field is missing or impossible, the ends do not add up to the flights, ranges of seeds overlap, or
-        there is not one seed for each flight.
+        A field is missing or impossible, the ends do not add up to the flights, a count of a hazard exceeds
+        that of all flights, ranges of seeds overlap, or there is not one seed for each flight.
     """
     if document.count("version") != COUNTS_VERSION:
         raise document.bad("version", str(COUNTS_VERSION))
@@ -84,18 +84,24 @@ def read_counts(document: Fields) -> list[Runs]:
         "is_random": document.choice("sampling", (INDEPENDENT, ADAPTIVE)) == INDEPENDENT,
         "environment": document.choice("environment", ENVIRONMENTS),
     }
-    flights, unsafe = _ends(document)
+    total = _ends(document)
+    flights, unsafe = total["flights"], total["unsafe"]
     if flights != (seeds := size(common["seeds"])):
         raise document.bad("flights", f"one flight for each seed, {seeds},")
     what = f"{tool}: {unsafe} unsafe of {flights}" if unsafe else ""
-    touchdowns = document.count("safe") + unsafe
+    touchdowns = total["safe"] + unsafe
     found = [
         Runs(COUNTS, f"{tool}:", runs=flights, failures=unsafe, unsafe=unsafe, what=what, **common),
         Runs(TOUCHDOWNS, tool, runs=touchdowns, failures=unsafe, unsafe=unsafe, what=what, **common),
     ]
     hazards = document.part("by_hazard")
     for name in hazards.values:
-        flights, unsafe = _ends(hazards.part(name))
+        part = hazards.part(name)
+        ends = _ends(part)
+        for end, count in ends.items():
+            if count > total[end]:
+                raise part.bad(end, f"at most the {total[end]} of all flights")
+        flights, unsafe = ends["flights"], ends["unsafe"]
         what = f"{tool}, {name}: {unsafe} unsafe of {flights}" if unsafe else ""
         found.append(
             Runs(COUNTS, f"{tool}:{name}", runs=flights, failures=unsafe, unsafe=unsafe, what=what, **common)
@@ -103,13 +109,13 @@ def read_counts(document: Fields) -> list[Runs]:
     return found
 
 
-def _ends(part: Fields) -> tuple[int, int]:
-    """Return flights and unsafe ones; every flight has one end."""
+def _ends(part: Fields) -> dict[str, int]:
+    """Return the number of flights, and of those with each end; every flight has one end."""
     flights = part.count("flights")
     ends = {end: part.count(end, 0 if end == "failsafe" else None) for end in ENDS}
     if sum(ends.values()) != flights:
         raise part.bad("flights", f"the sum of the ends, {sum(ends.values())},")
-    return flights, ends["unsafe"]
+    return {"flights": flights, **ends}
 
 
 def _seeds(document: Fields) -> Seeds:

@@ -29,6 +29,11 @@ SOAK = {"hours": 24.0, "reports": 9, "rss_growth": 0.0, "failed": [], "came_of":
         "clock": "simulated", "seed": 1, "program": NOW}  # fmt: skip
 
 
+def ends(**of: int) -> dict[str, int]:
+    """Return the counts of a hazard."""
+    return {"flights": sum(of.values()), "safe": 0, "refused": 0, "aborted": 0, "unsafe": 0} | of
+
+
 def numbers(path: Path) -> dict[str, tuple[int, int, int, int]]:
     """Return runs, failures, unsafe and skipped by source and variant."""
     found: dict[str, tuple[int, int, int, int]] = {}
@@ -179,6 +184,11 @@ def test_a_last_line_cut_short_is_left_out_and_said(tmp_path: Path) -> None:
         (json.dumps(counts(sampling="adaptive", seeds=[[0, 9]])), "one flight for each seed, 9, was expected"),
         (json.dumps(counts(seeds=[[0, 1]] * 10_000)), "'seeds' [0, 1] and [0, 1] overlap: a seed is one flight"),
         (json.dumps(counts(seeds=[[2_000, 6_000], [0, 6_000]])), "[0, 6000] and [2000, 6000] overlap"),
+        (json.dumps(counts(by_hazard={"box": ends(safe=9, unsafe=1)})),
+         "'box': 'unsafe' is 1: at most the 0 of all flights was expected"),
+        (json.dumps(counts(by_hazard={"box": ends(safe=20_000)})),
+         "'box': 'flights' is 20000: at most the 10000 of all flights was expected"),
+        (json.dumps(counts(by_hazard={"box": ends(refused=7)})), "'refused' is 7: at most the 6 of all"),
         (json.dumps(counts(tool="campaign")), "'tool' is 'campaign'"),
         (json.dumps(counts(sampling="some")), "independent or adaptive was expected"),
         (json.dumps(counts(by_hazard={"a": 1})), "'a' is 1: an object was expected"),
