@@ -32,8 +32,7 @@ class Artefact:
 
     def count(self, program: str) -> int:
         """Return the number of runs by a version of the program: tests, flights, inputs, soaks."""
-        own = [runs for runs in self.runs if runs.program == program and runs.source == self.kind]
-        return sum(runs.runs for runs in own if self.kind != COUNTS or runs.variant.endswith(":"))
+        return sum(runs.runs for runs in self.runs if runs.program == program and runs.is_whole())
 
 
 def read_artefact(path: Path) -> Artefact:

@@ -42,8 +42,8 @@ def case_markdown(case: SafetyCase, made: str) -> str:
         for k, a in enumerate(case.artefacts)
     ]  # fmt: skip
     lines += _rows(("", "file", "kind", "runs", "seeds", "notes", "SHA-256"), files) if files else ["None."]
-    if case.repeated:
-        lines += ["", f"{case.repeated:,} runs were reported more than once and counted once."]
+    for line in case_text.repetitions(case):
+        lines += ["", line]
     return "\n".join([*lines, "", "## What this does not prove", "", *_bullets(case_text.NOT_PROVEN), ""])
 
 

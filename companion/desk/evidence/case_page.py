@@ -126,12 +126,7 @@ def _artefacts(case: SafetyCase) -> str:
         for k, a in enumerate(case.artefacts)
     ]  # fmt: skip
     table = _table(("", "file", "kind", "runs", "seeds", "notes", "SHA-256"), rows)
-    again = (
-        f"<p>{case.repeated:,} runs were reported more than once and counted once.</p>"
-        if case.repeated
-        else ""
-    )
-    return table + again
+    return table + "".join(f"<p>{html.escape(line)}</p>" for line in case_text.repetitions(case))
 
 
 def _table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -92,6 +92,19 @@ def artefact_names(indices: Sequence[int]) -> str:
     return ", ".join(f"A{k + 1}" for k in indices)
 
 
+def repetitions(case: SafetyCase) -> list[str]:
+    """Return what was reported more than once, and what was left out for an overlap."""
+    lines = [
+        f"{n:,} {unit} were reported more than once and counted once." for unit, n in case.repeated.items()
+    ]
+    lines += [
+        f"{n:,} {unit} were left out, {NOT_COUNTED}: their document has seeds in common with a larger one, and "
+        "which of its outcomes belong to the others cannot be told."
+        for unit, n in case.left_out.items()
+    ]
+    return lines
+
+
 def headline(case: SafetyCase) -> list[str]:
     """Return the summary: states of the hazards, and the measures over all flights."""
     states = ", ".join(f"{case.number(state)} {state.value}" for state in State)

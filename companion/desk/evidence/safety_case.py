@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 from companion.desk.evidence.artefact_file import Artefact
 from companion.desk.evidence.binomial_bound import upper_bound
 from companion.desk.evidence.evidence_ledger import Entry, Ledger
-from companion.desk.evidence.evidence_runs import SIMULATION
+from companion.desk.evidence.evidence_runs import MEASURES, SIMULATION
 from companion.desk.evidence.hazard_list import Hazard, Severity
 
 KINDS = ("test", "campaign", "landings", "fuzz", "soak", "counts")
-MEASURES = ("touchdowns", "collisions", "commands")
 MOST_FAILURES = 10  # of one row that are named
 
 
@@ -87,7 +86,9 @@ class SafetyCase:
     unknown_counts
         Names of counts that belong to no hazard of the list.
     repeated
-        Runs that several artefacts report, counted once.
+        Runs that several artefacts report, counted once, by their unit: tests, flights, inputs, soaks.
+    left_out
+        Runs of counts that overlap larger ones in part, and are in none that is counted, by their unit.
     """
 
     program: str
@@ -96,7 +97,8 @@ class SafetyCase:
     measures: tuple[Finding, ...]
     unlinked: tuple[Finding, ...]
     unknown_counts: tuple[str, ...]
-    repeated: int
+    repeated: Mapping[str, int]
+    left_out: Mapping[str, int]
 
     def number(self, state: State) -> int:
         """Return the number of hazards in a state."""
@@ -127,6 +129,7 @@ def make_case(hazards: Sequence[Hazard], artefacts: Sequence[Artefact], program:
         tuple(unlinked),
         tuple(sorted(name for name in named if not name.endswith(":"))),
         ledger.repeated,
+        ledger.left_out,
     )
 
 

@@ -75,6 +75,15 @@ def test_digests_seeds_and_bounds_are_on_the_page(tmp_path: Path) -> None:
         assert expected in text
 
 
+def test_the_number_of_flights_that_were_reported_twice_is_on_the_page(tmp_path: Path) -> None:
+    reported = [counts(program=program_version()), counts(program=program_version(), seeds=[[2_000, 12_000]])]
+    paths = [written(tmp_path, f"{k}.json", each) for k, each in enumerate(reported)]
+    assert evidence.run(tmp_path, paths)["repeated_runs"] == {"flights": 8_000}
+    for text in texts(tmp_path):
+        assert "8,000 flights were reported more than once and counted once." in text
+        assert "2,000 flights were left out, not counted" in text
+
+
 def test_the_page_loads_nothing_and_holds_no_markup_of_an_artefact(tmp_path: Path) -> None:
     bad = campaign_flight(1, not_as_stated=["<script>alert(1)</script>"], program=program_version())
     evidence.run(tmp_path, [written(tmp_path, "flights.jsonl", bad)])

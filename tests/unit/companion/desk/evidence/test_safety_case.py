@@ -92,8 +92,15 @@ def test_failures_come_first_then_what_has_no_evidence(tmp_path: Path) -> None:
 def test_the_same_flight_in_two_artefacts_is_counted_once(tmp_path: Path) -> None:
     found = of(tmp_path, campaign_flight(1), campaign_flight(1), campaign=("lidar_stop",))
     assert [(f.runs, f.artefacts) for f in found.hazards[0].findings] == [(1, (0, 1))]
-    assert found.repeated > 0
+    assert found.repeated == {"flights": 1}
     assert [f.runs for f in found.measures] == [1, 1, 1]
+
+
+def test_a_flight_that_is_repeated_is_one_whatever_it_is_counted_as(tmp_path: Path) -> None:
+    part = counts(seeds=[[8_000, 18_000]])
+    found = of(tmp_path, counts(), part, counts=("box",), measures=("touchdowns",))
+    assert found.repeated == {"flights": 2_000}
+    assert found.left_out == {"flights": 8_000}
 
 
 def test_runs_of_another_version_do_not_count(tmp_path: Path) -> None:
