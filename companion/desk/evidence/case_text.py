@@ -98,8 +98,8 @@ def repetitions(case: SafetyCase) -> list[str]:
         f"{n:,} {unit} were reported more than once and counted once." for unit, n in case.repeated.items()
     ]
     lines += [
-        f"{n:,} {unit} were left out, {NOT_COUNTED}: their document has seeds in common with a larger one, and "
-        "which of its outcomes belong to the others cannot be told."
+        f"{n:,} {unit} were left out, {NOT_COUNTED}: their document has seeds in common with a larger one, "
+        "and which of its outcomes belong to the others cannot be told."
         for unit, n in case.left_out.items()
     ]
     return lines
@@ -114,6 +114,11 @@ def headline(case: SafetyCase) -> list[str]:
     old = [f"A{k + 1}" for k, a in enumerate(case.artefacts) if a.programs() != [case.program]]
     if old:
         lines.append(f"Runs of another or unknown version, {NOT_COUNTED}: in {', '.join(old)}.")
+    for before, other, k, tool in case.equal_counts:
+        lines.append(
+            f"COUNTED TWICE? Counts of {other} (A{before + 1}) and {tool} (A{k + 1}) are equal, with the same "
+            "version, environment and seeds: if they are the same runs, leave one out."
+        )
     for finding in case.measures:
         bound = f"; at most {share(finding.unsafe_bound)} at 95 %" if finding.unsafe_bound is not None else ""
         how = "" if finding.is_random else " (not independent)"

@@ -76,8 +76,8 @@ def read_counts(document: Fields) -> list[Runs]:
     if document.count("version") != COUNTS_VERSION:
         raise document.bad("version", str(COUNTS_VERSION))
     tool = document.text("tool")
-    if tool in RESERVED or ":" in tool:
-        raise document.bad("tool", f"a name other than {', '.join(RESERVED)}, without a colon")
+    if not tool.strip() or tool in RESERVED or ":" in tool:
+        raise document.bad("tool", f"a name other than {', '.join(RESERVED)}, not empty and without a colon")
     common: dict[str, Any] = {
         "seeds": _seeds(document),
         "program": document.text("program", UNKNOWN_VERSION),
@@ -131,7 +131,7 @@ def _seeds(document: Fields) -> Seeds:
     for before, after in pairwise(in_order):
         if after[0] < before[1]:
             raise ArtefactError(
-                f"--artefact {document.where}: 'seeds' [{before[0]}, {before[1]}] and [{after[0]}, {after[1]}] "
-                "overlap: a seed is one flight, so name it and count its flight once"
+                f"--artefact {document.where}: 'seeds' {list(before)} and {list(after)} overlap: a seed is one "
+                "flight, so name it and count its flight once"
             )
     return tuple(ranges)

@@ -83,6 +83,9 @@ class SafetyCase:
         Touchdowns, collisions, and commands against the pilot, over all kinds of flights.
     unlinked
         Failures that belong to no hazard of the list.
+    equal_counts
+        Pairs of artefacts and their tools whose counts are the same in everything but the tool: one may be a
+        copy of the other.
     unknown_counts
         Names of counts that belong to no hazard of the list.
     repeated
@@ -96,6 +99,7 @@ class SafetyCase:
     hazards: tuple[HazardEvidence, ...]
     measures: tuple[Finding, ...]
     unlinked: tuple[Finding, ...]
+    equal_counts: tuple[tuple[int, str, int, str], ...]
     unknown_counts: tuple[str, ...]
     repeated: Mapping[str, int]
     left_out: Mapping[str, int]
@@ -127,10 +131,28 @@ def make_case(hazards: Sequence[Hazard], artefacts: Sequence[Artefact], program:
         tuple(sorted(judged, key=lambda e: (states.index(e.state), severities.index(e.hazard.severity)))),
         tuple(measures),
         tuple(unlinked),
+        _equal_counts(artefacts, program),
         tuple(sorted(name for name in named if not name.endswith(":"))),
         ledger.repeated,
         ledger.left_out,
     )
+
+
+def _equal_counts(artefacts: Sequence[Artefact], program: str) -> tuple[tuple[int, str, int, str], ...]:
+    """Return the counts of this version by two tools with equal seeds, environment, flights and outcomes."""
+    first: dict[object, tuple[int, str]] = {}
+    found = []
+    for k, artefact in enumerate(artefacts):
+        if artefact.kind != "counts" or program not in artefact.programs():
+            continue
+        flights = next(runs for runs in artefact.runs if runs.is_whole())
+        landed = sum(runs.runs for runs in artefact.runs if runs.source == "touchdowns")
+        tool = flights.variant.rstrip(":")
+        same = (tuple(sorted(flights.seeds)), flights.environment, flights.runs, landed, flights.unsafe)
+        before, other = first.setdefault(same, (k, tool))
+        if other != tool:
+            found.append((before, other, k, tool))
+    return tuple(found)
 
 
 def _judged(hazard: Hazard, ledger: Ledger) -> HazardEvidence:

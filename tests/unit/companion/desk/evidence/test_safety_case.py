@@ -103,6 +103,20 @@ def test_a_flight_that_is_repeated_is_one_whatever_it_is_counted_as(tmp_path: Pa
     assert found.left_out == {"flights": 8_000}
 
 
+def test_equal_counts_by_another_tool_are_named(tmp_path: Path) -> None:
+    copy = counts(tool="copy", by_hazard={})
+    assert of(tmp_path, counts(), copy).equal_counts == ((0, "search", 1, "copy"),)
+    others = [
+        {"environment": "flight"},
+        {"seeds": [[1, 10_001]]},
+        {"program": OLD},
+        {"safe": 9_989, "aborted": 5},
+    ]
+    for other in others:
+        assert of(tmp_path, counts(), copy | other).equal_counts == ()
+    assert of(tmp_path, counts(), counts()).equal_counts == ()
+
+
 def test_runs_of_another_version_do_not_count(tmp_path: Path) -> None:
     found = of(tmp_path, campaign_flight(1, program=OLD, safe=False), campaign=("lidar_stop",))
     assert found.hazards[0].state is State.NONE
