@@ -62,9 +62,8 @@ def test_artefacts_of_another_or_an_unknown_version_are_named_and_not_counted(tm
 
 
 def test_digests_seeds_and_bounds_are_on_the_page(tmp_path: Path) -> None:
-    path = written(
-        tmp_path, "counts.json", counts(program=program_version(), safe=10_000, refused=0, aborted=0)
-    )
+    all_safe = counts(program=program_version(), safe=10_000, refused=0, aborted=0, by_hazard={})
+    path = written(tmp_path, "counts.json", all_safe)
     summary = evidence.run(tmp_path, [path])
     expected = "simulation: 10,000 touchdowns by the companion, 0 on unsafe ground; at most 0.030 % at 95 %."
     assert expected in summary["headline"]
@@ -84,12 +83,39 @@ def test_the_number_of_flights_that_were_reported_twice_is_on_the_page(tmp_path:
         assert "2,000 flights were left out, not counted" in text
 
 
+def test_counts_that_may_be_a_copy_of_others_are_asked_for_on_the_page(tmp_path: Path) -> None:
+    reported = [counts(program=program_version(), tool=tool) for tool in ("search", "mine")]
+    evidence.run(tmp_path, [written(tmp_path, f"{k}.json", each) for k, each in enumerate(reported)])
+    for text in texts(tmp_path):
+        assert "COUNTED TWICE? Counts of search (A1) and mine (A2) are equal" in text
+
+
 def test_the_page_loads_nothing_and_holds_no_markup_of_an_artefact(tmp_path: Path) -> None:
     bad = campaign_flight(1, not_as_stated=["<script>alert(1)</script>"], program=program_version())
     evidence.run(tmp_path, [written(tmp_path, "flights.jsonl", bad)])
     page = texts(tmp_path)[0]
     assert re.findall(r"<(?:script|link|img|iframe)|(?:src|url)\s*[=(]|https?:", page) == []
     assert "&lt;script&gt;" in page
+
+
+def test_the_markdown_holds_no_markup_of_an_artefact_and_keeps_its_rows(tmp_path: Path) -> None:
+    bad = "<img src=x onerror=alert(1)>\n| a |"
+    failed = case("test_a[&lt;b&gt;&#10;|]", "<failure message='&lt;img src=x onerror=alert(1)&gt;'/>")
+    paths = [
+        written(tmp_path, "a|`<i>.json", counts(program=program_version(), tool=bad)),
+        written(tmp_path, "junit.xml", junit(failed, program_version())),
+        written(tmp_path, "old.json", counts(program=bad)),
+        written(tmp_path, "log", campaign_flight(1, not_as_stated=[bad], program=program_version())),
+    ]
+    evidence.run(tmp_path / "out", paths)
+    markdown = texts(tmp_path / "out")[1]
+    assert re.findall(r"<[a-z].*", markdown) == []
+    assert "&lt;img src=x onerror=alert(1)&gt;" in markdown
+    lines = markdown.split("\n")
+    for k, line in enumerate(lines):
+        if line.startswith("|"):
+            head = next(lines[j + 1] for j in range(k, -1, -1) if not lines[j - 1].startswith("|"))
+            assert len(re.findall(r"(?<!\\)\|", line)) == head.count("|")
 
 
 def test_an_artefact_named_twice_is_refused(tmp_path: Path) -> None:
