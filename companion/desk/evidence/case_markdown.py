@@ -25,7 +25,7 @@ def case_markdown(case: SafetyCase, made: str) -> str:
             escaped(e.hazard.title),
             e.hazard.severity.value,
             e.state.value,
-            f"{e.with_runs()} of {len(e.findings)}",
+            case_text.links(e),
         )
         for e in case.hazards
     ]

@@ -131,7 +131,7 @@ def _seeds(document: Fields) -> Seeds:
     for before, after in pairwise(in_order):
         if after[0] < before[1]:
             raise ArtefactError(
-                f"--artefact {document.where}: 'seeds' {list(before)} and {list(after)} overlap: a seed is one "
-                "flight, so name it and count its flight once"
+                f"--artefact {document.where}: 'seeds' {list(before)} and {list(after)} overlap: a seed is "
+                "one flight, so name it and count its flight once"
             )
     return tuple(ranges)

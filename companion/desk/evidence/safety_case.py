@@ -66,9 +66,18 @@ class HazardEvidence:
     state: State
     findings: tuple[Finding, ...]
 
-    def with_runs(self) -> int:
-        """Return the number of findings that have a run."""
-        return sum(finding.runs > 0 for finding in self.findings)
+    def links(self) -> tuple[int, int]:
+        """Return how many links that the hazard asks for have a run, and how many it asks for.
+
+        The second is the same whichever artefacts there are: a link with several findings is one, and counts
+        by other tools, which come as they are given, are none.
+        """
+        asked = [finding for finding in self.findings if finding.source != "counts"]
+        return len({f.label for f in asked if f.runs}), len({f.label for f in asked})
+
+    def counts_with_runs(self) -> int:
+        """Return how many counts by other tools have a run of the hazard."""
+        return len({f.label for f in self.findings if f.source == "counts" and f.runs})
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,7 +28,9 @@ def test_without_an_artefact_every_hazard_has_no_evidence(tmp_path: Path) -> Non
     for text in texts(tmp_path):
         assert "NO EVIDENCE AT ALL" in text
         assert "NO EVIDENCE of touchdowns" in text
-        assert "No evidence of real flights" in text
+        assert "No evidence of real flights: no flight was counted." in text
+        assert "every flight counted here is simulated" not in text
+        assert "no line was removed before its digest was taken" in text
         assert text.count("NO EVIDENCE") > len(hazards())
         assert all(h.id in text for h in hazards())
 
@@ -88,6 +90,41 @@ def test_counts_that_may_be_a_copy_of_others_are_asked_for_on_the_page(tmp_path:
     evidence.run(tmp_path, [written(tmp_path, f"{k}.json", each) for k, each in enumerate(reported)])
     for text in texts(tmp_path):
         assert "COUNTED TWICE? Counts of search (A1) and mine (A2) are equal" in text
+
+
+@pytest.mark.parametrize(
+    ("environments", "said"),
+    [
+        (["simulation"], ["No evidence of real flights: every flight counted here is simulated."]),
+        (
+            ["recording", "simulation"],
+            ["No evidence of real flights: those counted here are of recording, simulation."],
+        ),
+        (["simulation", "flight"], []),
+    ],
+)
+def test_what_was_flown_is_said_also_without_a_touchdown(
+    tmp_path: Path, environments: list[str], said: list[str]
+) -> None:
+    none_landed = counts(program=program_version(), safe=0, refused=10_000, aborted=0, by_hazard={})
+    paths = [written(tmp_path, each, none_landed | {"environment": each}) for each in environments]
+    headline = evidence.run(tmp_path / "out", paths)["headline"]
+    assert [line for line in headline if "real flights" in line] == said
+
+
+def test_the_links_of_a_hazard_are_as_many_without_artefacts_as_with_some(tmp_path: Path) -> None:
+    path = written(tmp_path, "counts.json", counts(program=program_version()))
+    asked = []
+    for artefacts in ([], [path]):
+        evidence.run(tmp_path, artefacts)
+        found = [
+            re.findall(r"(\d+) of (\d+)((?: \+ \d counts)?)(?: \||</td>)", text) for text in texts(tmp_path)
+        ]
+        assert sorted(found[0]) == sorted(found[1])
+        assert len(found[0]) == len(hazards())
+        asked.append(sorted(int(number) for _, number, _ in found[0]))
+    assert asked[0] == asked[1]
+    assert any(counts_of for *_, counts_of in found[0])
 
 
 def test_the_page_loads_nothing_and_holds_no_markup_of_an_artefact(tmp_path: Path) -> None:

@@ -160,6 +160,13 @@ def test_real_flights_are_never_counted_with_simulated_ones(tmp_path: Path) -> N
     ]
 
 
+def test_the_number_of_links_does_not_depend_on_the_artefacts(tmp_path: Path) -> None:
+    asked: dict[str, tuple[str, ...]] = {"tests": (NODE,), "fuzz": ("las",), "measures": ("touchdowns",)}
+    real = counts(tool="field", environment="flight")
+    found = [of(tmp_path, *some, counts=("box",), **asked).hazards[0] for some in ([], [counts(), real])]
+    assert [(each.links(), each.counts_with_runs()) for each in found] == [((0, 3), 0), ((1, 3), 2)]
+
+
 def test_failures_that_belong_to_no_hazard_are_named(tmp_path: Path) -> None:
     found = of(tmp_path, junit(case("test_b", "<failure message='no'/>")), tests=(NODE,))
     assert [(f.label, f.failures_named) for f in found.unlinked] == [
