@@ -69,8 +69,8 @@ class HazardEvidence:
     def links(self) -> tuple[int, int]:
         """Return how many links that the hazard asks for have a run, and how many it asks for.
 
-        The second is the same whichever artefacts there are: a link with several findings is one, and counts
-        by other tools, which come as they are given, are none.
+        The second is the same whichever artefacts there are: a link with several findings is one link, and
+        counts by other tools are none.
         """
         asked = [finding for finding in self.findings if finding.source != "counts"]
         return len({f.label for f in asked if f.runs}), len({f.label for f in asked})
