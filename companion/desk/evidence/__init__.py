@@ -48,5 +48,5 @@ def run(out: Path, artefacts: Sequence[Path]) -> dict[str, Any]:
             (out / name).write_text(text, "utf-8")
     except OSError as error:
         raise UsageError(f"--out {out}: cannot be written: {error}") from None
-    kept = ("program", "states", "headline", "unknown_counts", "repeated_runs")
+    kept = ("program", "states", "headline", "unknown_counts", "repeated_runs", "left_out_runs")
     return {name: document[name] for name in kept} | {"files": [str(out / name) for name in texts]}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +12,10 @@ from companion.runtime.errors import UsageError
 
 class ArtefactError(UsageError):
     """An artefact that cannot be read; one line names it, the place and the fault."""
+
+
+class RepeatedKeyError(ArtefactError):
+    """An object in an artefact that has a key twice: which of its values holds cannot be told."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,9 +33,23 @@ class Fields:
         ------
         ArtefactError
             It is none.
+        RepeatedKeyError
+            An object of it has a key twice.
         """
+
+        def unrepeated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+            found = dict(pairs)
+            if len(found) < len(pairs):
+                key = next(key for key, times in Counter(key for key, _ in pairs).items() if times > 1)
+                raise RepeatedKeyError(
+                    f"--artefact {where}: the key {key!r:.40} is there twice in one object: keep one"
+                )
+            return found
+
         try:
-            values = json.loads(text)
+            values = json.loads(text, object_pairs_hook=unrepeated)
+        except ArtefactError:
+            raise
         except (ValueError, RecursionError) as error:
             raise ArtefactError(f"--artefact {where}: no JSON: {str(error).splitlines()[0]}") from None
         if not isinstance(values, dict):

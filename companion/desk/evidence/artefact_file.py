@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from companion.desk.evidence import flight_results
-from companion.desk.evidence.artefact_fields import ArtefactError, Fields
+from companion.desk.evidence.artefact_fields import ArtefactError, Fields, RepeatedKeyError
 from companion.desk.evidence.evidence_runs import UNKNOWN_VERSION, Runs
 from companion.desk.evidence.fuzz_and_soak import FUZZ, FUZZ_FORMAT, SOAK, is_soak, read_fuzz, read_soak
 from companion.desk.evidence.junit_report import read_junit
@@ -32,8 +32,7 @@ class Artefact:
 
     def count(self, program: str) -> int:
         """Return the number of runs by a version of the program: tests, flights, inputs, soaks."""
-        own = [runs for runs in self.runs if runs.program == program and runs.source == self.kind]
-        return sum(runs.runs for runs in own if self.kind != COUNTS or runs.variant.endswith(":"))
+        return sum(runs.runs for runs in self.runs if runs.program == program and runs.is_whole())
 
 
 def read_artefact(path: Path) -> Artefact:
@@ -69,6 +68,8 @@ def _recognised(name: str, text: str) -> tuple[str, list[Runs], list[str]]:
         raise ArtefactError(f"--artefact {name}: it is empty")
     try:
         line = Fields.parse(name, first)
+    except RepeatedKeyError:
+        raise
     except ArtefactError:
         line = Fields(name, {})
     if kind := flight_results.kind_of_flight(line):

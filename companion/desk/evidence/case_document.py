@@ -25,7 +25,8 @@ def case_document(case: SafetyCase, made: str) -> dict[str, Any]:
         "hazards": [_hazard(each) for each in case.hazards],
         "unlinked_failures": [_finding(each) for each in case.unlinked],
         "unknown_counts": list(case.unknown_counts),
-        "repeated_runs": case.repeated,
+        "repeated_runs": dict(case.repeated),
+        "left_out_runs": dict(case.left_out),
         "assurance": [{**asdict(part), "role": part.role.value} for part in assurance_parts()],
         "artefacts": [
             {

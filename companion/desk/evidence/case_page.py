@@ -82,7 +82,7 @@ def _overview(case: SafetyCase) -> str:
         h, kind = each.hazard, "wrong" if each.state in BAD else "ok"
         rows += f"<tr><td><a href='#{h.id}'>{h.id}</a></td><td>{html.escape(h.title)}</td>"
         rows += f"<td>{h.severity.value}</td><td class={kind}>{each.state.value}</td>"
-        rows += f"<td class=n>{each.with_runs()} of {len(each.findings)}</td></tr>"
+        rows += f"<td class=n>{case_text.links(each)}</td></tr>"
     head = "<th></th><th>hazard</th><th>severity</th><th>state</th><th>links with runs</th>"
     return f"<table><tr>{head}</tr>{rows}</table>"
 
@@ -126,12 +126,7 @@ def _artefacts(case: SafetyCase) -> str:
         for k, a in enumerate(case.artefacts)
     ]  # fmt: skip
     table = _table(("", "file", "kind", "runs", "seeds", "notes", "SHA-256"), rows)
-    again = (
-        f"<p>{case.repeated:,} runs were reported more than once and counted once.</p>"
-        if case.repeated
-        else ""
-    )
-    return table + again
+    return table + "".join(f"<p>{html.escape(line)}</p>" for line in case_text.repetitions(case))
 
 
 def _table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -7,10 +7,11 @@ from collections.abc import Sequence
 
 from companion.desk.evidence.artefact_file import Artefact
 from companion.desk.evidence.evidence_runs import SIMULATION, seeds_text
-from companion.desk.evidence.safety_case import Finding, SafetyCase, State
+from companion.desk.evidence.safety_case import Finding, HazardEvidence, SafetyCase, State
 
 TITLE = "Evidence for the safety of landings with slz"
 NOT_COUNTED = "not counted"
+FLOWN = ("campaign", "landings", "soak", "counts")
 MEASURES = {
     "touchdowns": ("touchdowns by the companion", "on unsafe ground"),
     "collisions": ("flights", "with a collision"),
@@ -22,6 +23,8 @@ READING = (
     "reported by several files it counts once, with the worst outcome.",
     "Unsafe: a touchdown on unsafe ground, a collision, or a command against the pilot or a failsafe. "
     "Failed: not as the hazard's reaction requires; unsafe runs are failed runs.",
+    "Links with runs: of the tests, flights, inputs and measures that the hazard's list asks for, those that "
+    'have a run. Counts by other tools belong to none of them: they are named after "+".',
     "Bound: one-sided upper limit (Clopper-Pearson, 95 %) of the probability in one run; without a failure "
     "about 3/n. It holds for the mixture of scenarios from which the seeds were drawn. Each bound holds by "
     "itself: of many, one in twenty may be too low. Tests, soaks and adaptive searches are no random draws "
@@ -39,8 +42,8 @@ NOT_PROVEN = (
     "computer.",
     "Compliance with ASTM F3269-21 or any regulation. The form follows the standard; assurance levels were "
     "not assigned, and no independent party has reviewed it.",
-    "That no file was left out: digests fix the files named here, not those that were not given. Gaps in "
-    "the seeds of an artefact are visible in its row.",
+    "That no file was left out, or that no line was removed before its digest was taken: digests fix the "
+    "files named here, as they were given. Gaps in the seeds of an artefact are visible in its row.",
 )
 ARCHITECTURE = (
     "Departures from the standard's architecture: monitors, switch and complex function are parts of one "
@@ -92,6 +95,26 @@ def artefact_names(indices: Sequence[int]) -> str:
     return ", ".join(f"A{k + 1}" for k in indices)
 
 
+def links(each: HazardEvidence) -> str:
+    """Return how many of a hazard's links have runs, such as "5 of 6", and counts by other tools."""
+    found, asked = each.links()
+    counts = each.counts_with_runs()
+    return f"{found} of {asked}" + f" + {counts} counts" * bool(counts)
+
+
+def repetitions(case: SafetyCase) -> list[str]:
+    """Return what was reported more than once, and what was left out for an overlap."""
+    lines = [
+        f"{n:,} {unit} were reported more than once and counted once." for unit, n in case.repeated.items()
+    ]
+    lines += [
+        f"{n:,} {unit} were left out, {NOT_COUNTED}: their document has seeds in common with a larger one, "
+        "and which of its outcomes belong to the others cannot be told."
+        for unit, n in case.left_out.items()
+    ]
+    return lines
+
+
 def headline(case: SafetyCase) -> list[str]:
     """Return the summary: states of the hazards, and the measures over all flights."""
     states = ", ".join(f"{case.number(state)} {state.value}" for state in State)
@@ -101,6 +124,11 @@ def headline(case: SafetyCase) -> list[str]:
     old = [f"A{k + 1}" for k, a in enumerate(case.artefacts) if a.programs() != [case.program]]
     if old:
         lines.append(f"Runs of another or unknown version, {NOT_COUNTED}: in {', '.join(old)}.")
+    for before, other, k, tool in case.equal_counts:
+        lines.append(
+            f"COUNTED TWICE? Counts of {other} (A{before + 1}) and {tool} (A{k + 1}) are equal, with the "
+            "same version, environment and seeds: if they are the same runs, leave one out."
+        )
     for finding in case.measures:
         bound = f"; at most {share(finding.unsafe_bound)} at 95 %" if finding.unsafe_bound is not None else ""
         how = "" if finding.is_random else " (not independent)"
@@ -110,9 +138,22 @@ def headline(case: SafetyCase) -> list[str]:
         )
     if not any(f.label == "touchdowns" for f in case.measures):
         lines.append("NO EVIDENCE of touchdowns.")
-    if not any(f.environment != SIMULATION for f in case.measures):
-        lines.append("No evidence of real flights: every flight counted here is simulated.")
+    if text := _no_real_flights(case):
+        lines.append(text)
     return lines
+
+
+def _no_real_flights(case: SafetyCase) -> str:
+    """Return what was flown instead of real flights, "" where real ones are counted."""
+    runs = [r for a in case.artefacts for r in a.runs if r.program == case.program and r.runs]
+    flown = {r.environment for r in runs if r.source in FLOWN}
+    if "flight" in flown:
+        return ""
+    if not flown:
+        return "No evidence of real flights: no flight was counted."
+    if flown == {SIMULATION}:
+        return "No evidence of real flights: every flight counted here is simulated."
+    return f"No evidence of real flights: those counted here are of {', '.join(sorted(flown))}."
 
 
 def version_text(artefact: Artefact, program: str) -> str:

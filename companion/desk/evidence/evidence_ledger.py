@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from companion.desk.evidence.evidence_runs import Runs, Seeds, overlap
+from companion.desk.evidence.evidence_runs import UNITS, Runs, Seeds, common, overlap, size
 
 Key = tuple[str, str, str]  # source, variant, environment
 
@@ -28,11 +28,15 @@ class Ledger:
     Attributes
     ----------
     repeated
-        Number of runs that were reported again and not counted.
+        Number of tests, flights, inputs and soaks, by their unit, that were reported again and counted once.
+    left_out
+        The same of those that no counted set has, but whose document overlaps one that is counted: the
+        outcome of its other runs cannot be told.
     """
 
     def __init__(self, program: str, reported: Iterable[Entry]) -> None:
-        self.repeated = 0
+        self.repeated: Counter[str] = Counter()
+        self.left_out: Counter[str] = Counter()
         self._entries: dict[Key, list[Entry]] = {}
         groups: defaultdict[Key, list[Entry]] = defaultdict(list)
         for entry in reported:
@@ -71,10 +75,20 @@ class Ledger:
                     ranges.append(len(counted))
                 counted.append(entry)
                 continue
-            self.repeated += entry.runs.runs
+            if entry.runs.is_whole():
+                self._note_repetition(entry.runs, [counted[k].runs.seeds for k in others])
             for k in others:
                 counted[k] = _worst(counted[k], entry)
         return counted
+
+    def _note_repetition(self, runs: Runs, kept: list[Seeds]) -> None:
+        """Note how many of the runs are counted already, and how many are lost with them."""
+        again = runs.runs
+        if size(runs.seeds) == runs.runs:
+            again = sum(common(seeds, runs.seeds) for seeds in kept)
+        self.repeated[UNITS[runs.source]] += again
+        if again < runs.runs:
+            self.left_out[UNITS[runs.source]] += runs.runs - again
 
 
 def _worst(kept: Entry, again: Entry) -> Entry:

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 UNKNOWN_VERSION = ""
 SIMULATION = "simulation"
 ENVIRONMENTS = (SIMULATION, "recording", "hardware", "flight")
+MEASURES = ("touchdowns", "collisions", "commands")
+UNITS = {"test": "tests", "campaign": "flights", "landings": "flights", "counts": "flights",
+         "fuzz": "inputs", "soak": "soaks"}  # fmt: skip
 
 Seeds = tuple[tuple[int, int], ...]
 """Ranges of seeds, each from its first to the one after its last."""
@@ -45,6 +48,10 @@ class Runs:
     environment: str = SIMULATION
     what: str = ""
 
+    def is_whole(self) -> bool:
+        """Return whether these are whole runs, not a measure of them or those of them that met a hazard."""
+        return self.source not in MEASURES and (self.source != "counts" or self.variant.endswith(":"))
+
 
 def one(number: int) -> Seeds:
     """Return the seeds of a single run."""
@@ -54,6 +61,16 @@ def one(number: int) -> Seeds:
 def overlap(a: Seeds, b: Seeds) -> bool:
     """Return whether any seed is in both."""
     return any(p[0] < q[1] and q[0] < p[1] for p in a for q in b)
+
+
+def common(a: Seeds, b: Seeds) -> int:
+    """Return the number of seeds in both, each of ranges without a common seed."""
+    return sum(max(0, min(p[1], q[1]) - max(p[0], q[0])) for p in a for q in b)
+
+
+def size(seeds: Seeds) -> int:
+    """Return the number of seeds in ranges without a common seed."""
+    return sum(end - first for first, end in seeds)
 
 
 def seeds_text(seeds: Seeds) -> str:

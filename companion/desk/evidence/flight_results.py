@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from companion.desk.evidence.artefact_fields import ArtefactError, Fields
+from companion.desk.evidence.artefact_fields import ArtefactError, Fields, RepeatedKeyError
 from companion.desk.evidence.evidence_runs import UNKNOWN_VERSION, Runs, one
 
 CAMPAIGN, LANDINGS = "campaign", "landings"
@@ -35,6 +35,8 @@ def read_flights(name: str, text: str, kind: str) -> tuple[list[Runs], list[str]
             continue
         try:
             fields = Fields.parse(f"{name}, line {k + 1}", line)
+        except RepeatedKeyError:
+            raise
         except ArtefactError:
             if k < len(lines) - 1 or text.endswith("\n"):
                 raise

@@ -9,10 +9,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 from typing import Any
 
-from companion.desk.evidence.artefact_fields import Fields
-from companion.desk.evidence.evidence_runs import ENVIRONMENTS, SIMULATION, UNKNOWN_VERSION, Runs, Seeds
+from companion.desk.evidence.artefact_fields import ArtefactError, Fields
+from companion.desk.evidence.evidence_runs import ENVIRONMENTS, SIMULATION, UNKNOWN_VERSION, Runs, Seeds, size
 from companion.desk.evidence.flight_results import CAMPAIGN, LANDINGS, TOUCHDOWNS
 from companion.desk.evidence.fuzz_and_soak import FUZZ, SOAK
 from companion.runtime.program_version import program_version
@@ -69,31 +70,38 @@ def read_counts(document: Fields) -> list[Runs]:
     Raises
     ------
     ArtefactError
-        A field is missing or impossible, or the ends do not add up to the flights.
+        A field is missing or impossible, the ends do not add up to the flights, a count of a hazard exceeds
+        that of all flights, ranges of seeds overlap, or there is not one seed for each flight.
     """
     if document.count("version") != COUNTS_VERSION:
         raise document.bad("version", str(COUNTS_VERSION))
     tool = document.text("tool")
-    if tool in RESERVED or ":" in tool:
-        raise document.bad("tool", f"a name other than {', '.join(RESERVED)}, without a colon")
+    if not tool.strip() or tool in RESERVED or ":" in tool:
+        raise document.bad("tool", f"a name other than {', '.join(RESERVED)}, not empty and without a colon")
     common: dict[str, Any] = {
         "seeds": _seeds(document),
         "program": document.text("program", UNKNOWN_VERSION),
         "is_random": document.choice("sampling", (INDEPENDENT, ADAPTIVE)) == INDEPENDENT,
         "environment": document.choice("environment", ENVIRONMENTS),
     }
-    flights, unsafe = _ends(document)
-    if common["is_random"] and flights > sum(end - first for first, end in common["seeds"]):
-        raise document.bad("flights", "a seed for each flight of an independent sample")
+    total = _ends(document)
+    flights, unsafe = total["flights"], total["unsafe"]
+    if flights != (seeds := size(common["seeds"])):
+        raise document.bad("flights", f"one flight for each seed, {seeds},")
     what = f"{tool}: {unsafe} unsafe of {flights}" if unsafe else ""
-    touchdowns = document.count("safe") + unsafe
+    touchdowns = total["safe"] + unsafe
     found = [
         Runs(COUNTS, f"{tool}:", runs=flights, failures=unsafe, unsafe=unsafe, what=what, **common),
         Runs(TOUCHDOWNS, tool, runs=touchdowns, failures=unsafe, unsafe=unsafe, what=what, **common),
     ]
     hazards = document.part("by_hazard")
     for name in hazards.values:
-        flights, unsafe = _ends(hazards.part(name))
+        part = hazards.part(name)
+        ends = _ends(part)
+        for end, count in ends.items():
+            if count > total[end]:
+                raise part.bad(end, f"at most the {total[end]} of all flights")
+        flights, unsafe = ends["flights"], ends["unsafe"]
         what = f"{tool}, {name}: {unsafe} unsafe of {flights}" if unsafe else ""
         found.append(
             Runs(COUNTS, f"{tool}:{name}", runs=flights, failures=unsafe, unsafe=unsafe, what=what, **common)
@@ -101,13 +109,13 @@ def read_counts(document: Fields) -> list[Runs]:
     return found
 
 
-def _ends(part: Fields) -> tuple[int, int]:
-    """Return flights and unsafe ones; every flight has one end."""
+def _ends(part: Fields) -> dict[str, int]:
+    """Return the number of flights, and of those with each end; every flight has one end."""
     flights = part.count("flights")
     ends = {end: part.count(end, 0 if end == "failsafe" else None) for end in ENDS}
     if sum(ends.values()) != flights:
         raise part.bad("flights", f"the sum of the ends, {sum(ends.values())},")
-    return flights, ends["unsafe"]
+    return {"flights": flights, **ends}
 
 
 def _seeds(document: Fields) -> Seeds:
@@ -119,4 +127,11 @@ def _seeds(document: Fields) -> Seeds:
         ranges.append((each[0], each[1]))
     if not ranges:
         raise document.bad("seeds", "one range at least")
+    in_order = sorted(ranges)
+    for before, after in pairwise(in_order):
+        if after[0] < before[1]:
+            raise ArtefactError(
+                f"--artefact {document.where}: 'seeds' {list(before)} and {list(after)} overlap: a seed is "
+                "one flight, so name it and count its flight once"
+            )
     return tuple(ranges)

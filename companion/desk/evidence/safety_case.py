@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
 from companion.desk.evidence.artefact_file import Artefact
 from companion.desk.evidence.binomial_bound import upper_bound
 from companion.desk.evidence.evidence_ledger import Entry, Ledger
-from companion.desk.evidence.evidence_runs import SIMULATION
+from companion.desk.evidence.evidence_runs import MEASURES, SIMULATION
 from companion.desk.evidence.hazard_list import Hazard, Severity
 
 KINDS = ("test", "campaign", "landings", "fuzz", "soak", "counts")
-MEASURES = ("touchdowns", "collisions", "commands")
 MOST_FAILURES = 10  # of one row that are named
 
 
@@ -67,9 +66,18 @@ class HazardEvidence:
     state: State
     findings: tuple[Finding, ...]
 
-    def with_runs(self) -> int:
-        """Return the number of findings that have a run."""
-        return sum(finding.runs > 0 for finding in self.findings)
+    def links(self) -> tuple[int, int]:
+        """Return how many links that the hazard asks for have a run, and how many it asks for.
+
+        The second is the same whichever artefacts there are: a link with several findings is one link, and
+        counts by other tools are none.
+        """
+        asked = [finding for finding in self.findings if finding.source != "counts"]
+        return len({f.label for f in asked if f.runs}), len({f.label for f in asked})
+
+    def counts_with_runs(self) -> int:
+        """Return how many counts by other tools have a run of the hazard."""
+        return len({f.label for f in self.findings if f.source == "counts" and f.runs})
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,10 +92,15 @@ class SafetyCase:
         Touchdowns, collisions, and commands against the pilot, over all kinds of flights.
     unlinked
         Failures that belong to no hazard of the list.
+    equal_counts
+        Pairs of artefacts and their tools whose counts are the same in everything but the tool: one may be a
+        copy of the other.
     unknown_counts
         Names of counts that belong to no hazard of the list.
     repeated
-        Runs that several artefacts report, counted once.
+        Runs that several artefacts report, counted once, by their unit: tests, flights, inputs, soaks.
+    left_out
+        Runs of counts that overlap larger ones in part, and are in none that is counted, by their unit.
     """
 
     program: str
@@ -95,8 +108,10 @@ class SafetyCase:
     hazards: tuple[HazardEvidence, ...]
     measures: tuple[Finding, ...]
     unlinked: tuple[Finding, ...]
+    equal_counts: tuple[tuple[int, str, int, str], ...]
     unknown_counts: tuple[str, ...]
-    repeated: int
+    repeated: Mapping[str, int]
+    left_out: Mapping[str, int]
 
     def number(self, state: State) -> int:
         """Return the number of hazards in a state."""
@@ -125,9 +140,28 @@ def make_case(hazards: Sequence[Hazard], artefacts: Sequence[Artefact], program:
         tuple(sorted(judged, key=lambda e: (states.index(e.state), severities.index(e.hazard.severity)))),
         tuple(measures),
         tuple(unlinked),
+        _equal_counts(artefacts, program),
         tuple(sorted(name for name in named if not name.endswith(":"))),
         ledger.repeated,
+        ledger.left_out,
     )
+
+
+def _equal_counts(artefacts: Sequence[Artefact], program: str) -> tuple[tuple[int, str, int, str], ...]:
+    """Return the counts of this version by two tools with equal seeds, environment, flights and outcomes."""
+    first: dict[object, tuple[int, str]] = {}
+    found = []
+    for k, artefact in enumerate(artefacts):
+        if artefact.kind != "counts" or program not in artefact.programs():
+            continue
+        flights = next(runs for runs in artefact.runs if runs.is_whole())
+        landed = sum(runs.runs for runs in artefact.runs if runs.source == "touchdowns")
+        tool = flights.variant.rstrip(":")
+        same = (tuple(sorted(flights.seeds)), flights.environment, flights.runs, landed, flights.unsafe)
+        before, other = first.setdefault(same, (k, tool))
+        if other != tool:
+            found.append((before, other, k, tool))
+    return tuple(found)
 
 
 def _judged(hazard: Hazard, ledger: Ledger) -> HazardEvidence:

@@ -29,6 +29,11 @@ SOAK = {"hours": 24.0, "reports": 9, "rss_growth": 0.0, "failed": [], "came_of":
         "clock": "simulated", "seed": 1, "program": NOW}  # fmt: skip
 
 
+def ends(**of: int) -> dict[str, int]:
+    """Return the counts of a hazard."""
+    return {"flights": sum(of.values()), "safe": 0, "refused": 0, "aborted": 0, "unsafe": 0} | of
+
+
 def numbers(path: Path) -> dict[str, tuple[int, int, int, int]]:
     """Return runs, failures, unsafe and skipped by source and variant."""
     found: dict[str, tuple[int, int, int, int]] = {}
@@ -124,6 +129,11 @@ def test_counts_of_any_tool_are_flights_touchdowns_and_hazards(tmp_path: Path) -
     assert read.count(program_version()) == 5
 
 
+def test_seeds_of_counts_may_have_gaps_and_come_in_any_order(tmp_path: Path) -> None:
+    path = written(tmp_path, "counts.json", counts(seeds=[[9_000, 12_000], [0, 6_000], [6_000, 7_000]]))
+    assert numbers(path)["counts search:"] == (10_000, 0, 0, 0)
+
+
 def test_a_report_of_tests_records_the_version(tmp_path: Path) -> None:
     log = LogXML(str(tmp_path / "junit.xml"), None)
 
@@ -169,8 +179,27 @@ def test_a_last_line_cut_short_is_left_out_and_said(tmp_path: Path) -> None:
         (json.dumps(counts(version=2)), "'version' is 2: 1 was expected"),
         (json.dumps(counts(safe=9_991)), "'flights' is 10000: the sum of the ends, 10001, was expected"),
         (json.dumps(counts(seeds=[[5, 5]])), "ranges [first, last + 1]"),
-        (json.dumps(counts(seeds=[[0, 9]])), "a seed for each flight of an independent sample"),
+        (json.dumps(counts(seeds=[[0, 9]])), "'flights' is 10000: one flight for each seed, 9, was"),
+        (json.dumps(counts(seeds=[[0, 10_001]])), "one flight for each seed, 10001, was expected"),
+        (json.dumps(counts(sampling="adaptive", seeds=[[0, 9]])), "one flight for each seed, 9, was"),
+        (json.dumps(counts(seeds=[[0, 1]] * 10_000)), "'seeds' [0, 1] and [0, 1] overlap: a seed is one"),
+        (json.dumps(counts(seeds=[[2_000, 6_000], [0, 6_000]])), "[0, 6000] and [2000, 6000] overlap"),
+        (json.dumps(counts(by_hazard={"box": ends(safe=9, unsafe=1)})),
+         "'box': 'unsafe' is 1: at most the 0 of all flights was expected"),
+        (json.dumps(counts(by_hazard={"box": ends(safe=20_000)})),
+         "'box': 'flights' is 20000: at most the 10000 of all flights was expected"),
+        (json.dumps(counts(by_hazard={"box": ends(refused=7)})), "'refused' is 7: at most the 6 of all"),
         (json.dumps(counts(tool="campaign")), "'tool' is 'campaign'"),
+        (json.dumps(counts(tool="")), "'tool' is ''"),
+        (json.dumps(counts(tool=" ")), "'tool' is ' '"),
+        (json.dumps(counts()).replace('"unsafe": 0', '"unsafe": 1, "unsafe": 0'),
+         "the key 'unsafe' is there twice in one object: keep one"),
+        (json.dumps(counts(), indent=1).replace('"unsafe": 0', '"unsafe": 1, "unsafe": 0'),
+         "the key 'unsafe' is there twice in one object: keep one"),
+        (json.dumps(campaign_flight(0))[:-1] + ', "safe": true}\n' + json.dumps(campaign_flight(1)),
+         "the key 'safe' is there twice"),
+        (json.dumps(campaign_flight(0)) + "\n" + json.dumps(campaign_flight(1))[:-1] + ', "safe": true}',
+         "line 2: the key 'safe' is there twice"),
         (json.dumps(counts(sampling="some")), "independent or adaptive was expected"),
         (json.dumps(counts(by_hazard={"a": 1})), "'a' is 1: an object was expected"),
         ('{"format": "slz-fuzz", "seed": 1, "harnesses": [3]}', "harness 1: 'name' is missing"),

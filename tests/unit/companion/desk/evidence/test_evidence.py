@@ -28,7 +28,9 @@ def test_without_an_artefact_every_hazard_has_no_evidence(tmp_path: Path) -> Non
     for text in texts(tmp_path):
         assert "NO EVIDENCE AT ALL" in text
         assert "NO EVIDENCE of touchdowns" in text
-        assert "No evidence of real flights" in text
+        assert "No evidence of real flights: no flight was counted." in text
+        assert "every flight counted here is simulated" not in text
+        assert "no line was removed before its digest was taken" in text
         assert text.count("NO EVIDENCE") > len(hazards())
         assert all(h.id in text for h in hazards())
 
@@ -62,9 +64,8 @@ def test_artefacts_of_another_or_an_unknown_version_are_named_and_not_counted(tm
 
 
 def test_digests_seeds_and_bounds_are_on_the_page(tmp_path: Path) -> None:
-    path = written(
-        tmp_path, "counts.json", counts(program=program_version(), safe=10_000, refused=0, aborted=0)
-    )
+    all_safe = counts(program=program_version(), safe=10_000, refused=0, aborted=0, by_hazard={})
+    path = written(tmp_path, "counts.json", all_safe)
     summary = evidence.run(tmp_path, [path])
     expected = "simulation: 10,000 touchdowns by the companion, 0 on unsafe ground; at most 0.030 % at 95 %."
     assert expected in summary["headline"]
@@ -75,12 +76,83 @@ def test_digests_seeds_and_bounds_are_on_the_page(tmp_path: Path) -> None:
         assert expected in text
 
 
+def test_the_number_of_flights_that_were_reported_twice_is_on_the_page(tmp_path: Path) -> None:
+    reported = [counts(program=program_version()), counts(program=program_version(), seeds=[[2_000, 12_000]])]
+    paths = [written(tmp_path, f"{k}.json", each) for k, each in enumerate(reported)]
+    assert evidence.run(tmp_path, paths)["repeated_runs"] == {"flights": 8_000}
+    for text in texts(tmp_path):
+        assert "8,000 flights were reported more than once and counted once." in text
+        assert "2,000 flights were left out, not counted" in text
+
+
+def test_counts_that_may_be_a_copy_of_others_are_asked_for_on_the_page(tmp_path: Path) -> None:
+    reported = [counts(program=program_version(), tool=tool) for tool in ("search", "mine")]
+    evidence.run(tmp_path, [written(tmp_path, f"{k}.json", each) for k, each in enumerate(reported)])
+    for text in texts(tmp_path):
+        assert "COUNTED TWICE? Counts of search (A1) and mine (A2) are equal" in text
+
+
+@pytest.mark.parametrize(
+    ("environments", "said"),
+    [
+        (["simulation"], ["No evidence of real flights: every flight counted here is simulated."]),
+        (
+            ["recording", "simulation"],
+            ["No evidence of real flights: those counted here are of recording, simulation."],
+        ),
+        (["simulation", "flight"], []),
+    ],
+)
+def test_what_was_flown_is_said_also_without_a_touchdown(
+    tmp_path: Path, environments: list[str], said: list[str]
+) -> None:
+    none_landed = counts(program=program_version(), safe=0, refused=10_000, aborted=0, by_hazard={})
+    paths = [written(tmp_path, each, none_landed | {"environment": each}) for each in environments]
+    headline = evidence.run(tmp_path / "out", paths)["headline"]
+    assert [line for line in headline if "real flights" in line] == said
+
+
+def test_the_links_of_a_hazard_are_as_many_without_artefacts_as_with_some(tmp_path: Path) -> None:
+    path = written(tmp_path, "counts.json", counts(program=program_version()))
+    asked = []
+    for artefacts in ([], [path]):
+        evidence.run(tmp_path, artefacts)
+        found = [
+            re.findall(r"(\d+) of (\d+)((?: \+ \d counts)?)(?: \||</td>)", text) for text in texts(tmp_path)
+        ]
+        assert sorted(found[0]) == sorted(found[1])
+        assert len(found[0]) == len(hazards())
+        asked.append(sorted(int(number) for _, number, _ in found[0]))
+    assert asked[0] == asked[1]
+    assert any(counts_of for *_, counts_of in found[0])
+
+
 def test_the_page_loads_nothing_and_holds_no_markup_of_an_artefact(tmp_path: Path) -> None:
     bad = campaign_flight(1, not_as_stated=["<script>alert(1)</script>"], program=program_version())
     evidence.run(tmp_path, [written(tmp_path, "flights.jsonl", bad)])
     page = texts(tmp_path)[0]
     assert re.findall(r"<(?:script|link|img|iframe)|(?:src|url)\s*[=(]|https?:", page) == []
     assert "&lt;script&gt;" in page
+
+
+def test_the_markdown_holds_no_markup_of_an_artefact_and_keeps_its_rows(tmp_path: Path) -> None:
+    bad = "<img src=x onerror=alert(1)>\n| a |"
+    failed = case("test_a[&lt;b&gt;&#10;|]", "<failure message='&lt;img src=x onerror=alert(1)&gt;'/>")
+    paths = [
+        written(tmp_path, "a|`<i>.json", counts(program=program_version(), tool=bad)),
+        written(tmp_path, "junit.xml", junit(failed, program_version())),
+        written(tmp_path, "old.json", counts(program=bad)),
+        written(tmp_path, "log", campaign_flight(1, not_as_stated=[bad], program=program_version())),
+    ]
+    evidence.run(tmp_path / "out", paths)
+    markdown = texts(tmp_path / "out")[1]
+    assert re.findall(r"<[a-z].*", markdown) == []
+    assert "&lt;img src=x onerror=alert(1)&gt;" in markdown
+    lines = markdown.split("\n")
+    for k, line in enumerate(lines):
+        if line.startswith("|"):
+            head = next(lines[j + 1] for j in range(k, -1, -1) if not lines[j - 1].startswith("|"))
+            assert len(re.findall(r"(?<!\\)\|", line)) == head.count("|")
 
 
 def test_an_artefact_named_twice_is_refused(tmp_path: Path) -> None:

@@ -28,7 +28,8 @@ def test_other_seeds_are_other_runs() -> None:
 def test_the_same_seed_in_two_artefacts_is_one_run() -> None:
     assert counted(runs(one(1)), runs(one(1))) == [(1, 0, (0, 1))]
     ledger = Ledger(NOW, [Entry(runs(one(1)), (k,)) for k in range(3)])
-    assert ledger.repeated == 2
+    assert ledger.repeated == {"flights": 2}
+    assert ledger.left_out == {}
 
 
 def test_a_run_that_failed_once_does_not_pass_by_a_repetition() -> None:
@@ -40,6 +41,14 @@ def test_of_overlapping_sets_the_largest_counts_with_the_most_failures() -> None
     assert counted(runs(((0, 100),), 100), runs(((50, 120),), 70, 2), runs(one(7), failures=1)) == [
         (100, 2, (0, 1, 2))
     ]
+
+
+def test_of_sets_that_overlap_in_part_common_runs_are_repeated_and_the_others_left_out() -> None:
+    sets = [runs(((0, 100),), 100), runs(((200, 300),), 100), runs(((90, 110), (290, 320)), 50)]
+    ledger = Ledger(NOW, [Entry(each, (k,)) for k, each in enumerate(sets)])
+    assert sum(e.runs.runs for e in ledger.entries("campaign")) == 200
+    assert ledger.repeated == {"flights": 20}
+    assert ledger.left_out == {"flights": 30}
 
 
 def test_runs_of_another_version_or_variant_are_others() -> None:

@@ -92,8 +92,29 @@ def test_failures_come_first_then_what_has_no_evidence(tmp_path: Path) -> None:
 def test_the_same_flight_in_two_artefacts_is_counted_once(tmp_path: Path) -> None:
     found = of(tmp_path, campaign_flight(1), campaign_flight(1), campaign=("lidar_stop",))
     assert [(f.runs, f.artefacts) for f in found.hazards[0].findings] == [(1, (0, 1))]
-    assert found.repeated > 0
+    assert found.repeated == {"flights": 1}
     assert [f.runs for f in found.measures] == [1, 1, 1]
+
+
+def test_a_flight_that_is_repeated_is_one_whatever_it_is_counted_as(tmp_path: Path) -> None:
+    part = counts(seeds=[[8_000, 18_000]])
+    found = of(tmp_path, counts(), part, counts=("box",), measures=("touchdowns",))
+    assert found.repeated == {"flights": 2_000}
+    assert found.left_out == {"flights": 8_000}
+
+
+def test_equal_counts_by_another_tool_are_named(tmp_path: Path) -> None:
+    copy = counts(tool="copy", by_hazard={})
+    assert of(tmp_path, counts(), copy).equal_counts == ((0, "search", 1, "copy"),)
+    others = [
+        {"environment": "flight"},
+        {"seeds": [[1, 10_001]]},
+        {"program": OLD},
+        {"safe": 9_989, "aborted": 5},
+    ]
+    for other in others:
+        assert of(tmp_path, counts(), copy | other).equal_counts == ()
+    assert of(tmp_path, counts(), counts()).equal_counts == ()
 
 
 def test_runs_of_another_version_do_not_count(tmp_path: Path) -> None:
@@ -137,6 +158,13 @@ def test_real_flights_are_never_counted_with_simulated_ones(tmp_path: Path) -> N
         ("flight", 9_990),
         ("simulation", 9_990),
     ]
+
+
+def test_the_number_of_links_does_not_depend_on_the_artefacts(tmp_path: Path) -> None:
+    asked: dict[str, tuple[str, ...]] = {"tests": (NODE,), "fuzz": ("las",), "measures": ("touchdowns",)}
+    real = counts(tool="field", environment="flight")
+    found = [of(tmp_path, *some, counts=("box",), **asked).hazards[0] for some in ([], [counts(), real])]
+    assert [(each.links(), each.counts_with_runs()) for each in found] == [((0, 3), 0), ((1, 3), 2)]
 
 
 def test_failures_that_belong_to_no_hazard_are_named(tmp_path: Path) -> None:
