@@ -8,7 +8,7 @@ from tests.search.flight import fly
 from tests.search.scenario import Scenario
 from tests.search.weaknesses import WEAKNESSES
 
-WIND = {"wind_ms": 6.0, "wind_from_deg": 200.0}
+WIND = {"wind_ms": 6.5, "wind_from_deg": 200.0}
 COMES = {"hazard": "box", "hazard_height_m": 1.1, "hazard_below_m": 4.0, "hazard_speed_ms": 9.0}
 
 
