@@ -76,7 +76,7 @@ class FlownFile:
         if not lines or lines[0] != self._head:
             raise InputError(
                 f"{self._path} was flown by another version of the program, or another search: it says"
-                f" {lines[0] if lines else 'nothing'}, this is {self._head}: use another folder"
+                f" {str(lines[0])[:80] if lines else 'nothing'}, this is {self._head}: use another folder"
             )
         if whole != text:
             self._path.write_text(whole, "utf-8")

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 
 from companion.desk.evidence import case_text
 from companion.desk.evidence.hazard_list import assurance_parts
-from companion.desk.evidence.markdown_text import escaped
 from companion.desk.evidence.safety_case import Finding, HazardEvidence, SafetyCase
+from companion.desk.markdown_text import escaped
 
 
 def case_markdown(case: SafetyCase, made: str) -> str:

@@ -99,7 +99,7 @@ def links(each: HazardEvidence) -> str:
     """Return how many of a hazard's links have runs, such as "5 of 6", and counts by other tools."""
     found, asked = each.links()
     counts = each.counts_with_runs()
-    return f"{found} of {asked}" + f" + {counts} counts" * bool(counts)
+    return f"{found} of {asked} + {counts} counts" if counts else f"{found} of {asked}"
 
 
 def repetitions(case: SafetyCase) -> list[str]:

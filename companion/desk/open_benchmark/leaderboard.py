@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import csv
 import html
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from companion.desk.markdown_text import escaped
 from companion.desk.open_benchmark.methods import OURS, REFERENCE
 from companion.desk.open_benchmark.safe_map_score import FOUND
 
@@ -63,9 +63,9 @@ def markdown(document: dict[str, Any]) -> str:
         TEXT + document["timing"] + ".",
         "",
     ]
-    lines += [_plain(line) for line in _notes(document)]
+    lines += [escaped(line) for line in _notes(document)]
     for group in groups_of(document):
-        lines += ["", f"## {_plain(_title(group))}", ""]
+        lines += ["", f"## {escaped(_title(group))}", ""]
         lines += _table(
             ["method", *(title for _, title in COLUMNS), "Brier", "ms"], _figures(document, group)
         )
@@ -76,9 +76,9 @@ def markdown(document: dict[str, Any]) -> str:
             lines += ["", "Unsafe called safe by kind of hazard, %:", ""]
             lines += _table(["method", *kinds], _kind_figures(document, group, kinds))
     lines += ["", "## Where another method is better than this project's", ""]
-    lines += [f"- {_plain(line)}" for line in better_than_ours(document)] or ["- nowhere"]
+    lines += [f"- {escaped(line)}" for line in better_than_ours(document)] or ["- nowhere"]
     lines += ["", "## Sources", ""] + [
-        f"- {_plain(m['name'])}: {_plain(m['source'])}" for m in document["methods"]
+        f"- {escaped(m['name'])}: {escaped(m['source'])}" for m in document["methods"]
     ]
     return "\n".join(lines) + "\n"
 
@@ -219,13 +219,8 @@ def _percent(share: float | None) -> str:
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """Return a Markdown table; the first of a row is a name, the rest are figures and their emphasis."""
-    lines = ["| " + " | ".join(map(_plain, columns)) + " |", "|" + "---|" * len(columns)]
-    return lines + ["| " + " | ".join([_plain(row[0]), *row[1:]]) + " |" for row in rows]
-
-
-def _plain(text: str) -> str:
-    """Return a text that Markdown shows as it is, on one line."""
-    return re.sub(r"([\\`*\[\]|])", r"\\\1", html.escape(" ".join(text.split()), quote=False))
+    lines = ["| " + " | ".join(map(escaped, columns)) + " |", "|" + "---|" * len(columns)]
+    return lines + ["| " + " | ".join([escaped(row[0]), *row[1:]]) + " |" for row in rows]
 
 
 def _heading(document: dict[str, Any]) -> str:

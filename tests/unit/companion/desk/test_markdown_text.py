@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from companion.desk.evidence.markdown_text import escaped
+from companion.desk.markdown_text import escaped
 
 
 @pytest.mark.parametrize(
