@@ -134,7 +134,7 @@ class SearchFlight(Mission):
         self.loop = self._in_memory(wire) if cheap else SlowLoop(self.sim.advance)
         self.loop.late_s = scenario.number("late_s")
         self.sim.router.model = LinkModel(delay_s=scenario.number("link_delay_s"))
-        self.hazard = None if scenario.text("hazard") == "none" else Hazard(scenario)
+        self.hazard = None if scenario.text("hazard") == "none" else Hazard(scenario, self.kept_en_m)
         self.clearance = HazardClearance(self.hazard)
         self.sim.intruders = [] if self.hazard is None else [self.hazard]
         spells = troubles(scenario, rngs[1])
@@ -206,6 +206,11 @@ class SearchFlight(Mission):
         east, north, _ = self.place
         return east + self.scenario.number("point_east_m"), north + self.scenario.number("point_north_m")
 
+    @property
+    def kept_en_m(self) -> tuple[float, float] | None:
+        """East and north of the ordered point to the autopilot; None if it jumps with the estimate."""
+        return None if self.scenario.text("fault") == "ekf_jump" else self.ordered_en_m
+
     def _order(self) -> None:
         """Order the landing at the scenario's point, as a ground station does."""
         assert self.sim.pilot is not None
@@ -234,8 +239,7 @@ class SearchFlight(Mission):
         tally = self.companion.executive.tally
         parts = parts_of(self.sim, self.clearance) if self.has_taken_off else {"hazard": 1.0}
         margin = margin_of(parts)
-        ordered_en_m = None if self.scenario.text("fault") == "ekf_jump" else self.ordered_en_m
-        response = response_of(self.sim, self.hazard, self.silence, self._reacted_ns, ordered_en_m)
+        response = response_of(self.sim, self.hazard, self.silence, self._reacted_ns, self.kept_en_m)
         return Outcome(
             self._end(margin),
             margin,

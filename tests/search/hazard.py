@@ -14,7 +14,13 @@ POST_M = 0.3  # side of a post: so few pulses seldom hit a thinner one
 
 
 class Hazard(Intruder):
-    """Object that slides in from `FROM_M` before its place, which is aside of the landing point.
+    """Object that slides in from `FROM_M` before its place, which is aside of the ordered point.
+
+    Parameters
+    ----------
+    ordered_en_m
+        East and north of the ordered point, as the autopilot knows them. A hazard beside the landing target
+        would move with a target that is wrong, and never be met. None: beside the landing target.
 
     Attributes
     ----------
@@ -25,8 +31,9 @@ class Hazard(Intruder):
     what = "hazard"
     end = "has stopped"
 
-    def __init__(self, scenario: Scenario) -> None:
+    def __init__(self, scenario: Scenario, ordered_en_m: tuple[float, float] | None) -> None:
         super().__init__(scenario.number("hazard_below_m"))
+        self._ordered_en_m = ordered_en_m
         self.parts = (_shape(scenario),)
         self._aside_m = scenario.number("hazard_aside_m")
         self._is_in_way = self._aside_m - self.parts[0].bounds()[3] < IN_WAY_M
@@ -44,6 +51,10 @@ class Hazard(Intruder):
         return reacted_ns - self.started_ns - round(FROM_M / self._speed_ms * 1e9)
 
     def start(self, s: SimulatedFlight) -> None:
+        known = s.autopilot.estimate
+        if self._ordered_en_m is not None and known is not None:
+            off_m = s.vehicle.truth.pos_enu_m - known.pos_enu_m
+            self.goal = self._ordered_en_m[0] + float(off_m[0]), self._ordered_en_m[1] + float(off_m[1])
         s.scene.world.add_mover(self.what, self.parts, *self._at(FROM_M), 0.0)
 
     def move(self, s: SimulatedFlight, since_s: float) -> bool:

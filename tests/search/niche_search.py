@@ -2,9 +2,10 @@
 
 The best of all flights are soon alike: the search would end at what is always close, such as a tall hazard
 while the LiDAR fails, and never see what is late where it need not be. Niches are by behaviour, which is the
-end and what was answered, with a fault and without, and by fault. The best are those of the least score and
-those that answered latest: what is answered late while nothing is near becomes unsafe by one more change.
-Niches that lately became better are drawn from more often, and half of what is drawn has no fault.
+end and what was answered, with a fault and without, with a hazard and without, and by fault. The best are
+those of the least score and those that answered latest: what is answered late while nothing is near becomes
+unsafe by one more change. Niches that lately became better are drawn from more often, and half of what is
+drawn has no fault.
 """
 
 from __future__ import annotations
@@ -28,9 +29,13 @@ class Scored:
     scenario: Scenario
 
 
+def _is_default(scenario: Scenario, name: str) -> bool:
+    return bool(scenario.values[name] == DEFAULTS[name])
+
+
 Niche = Callable[[str, Scenario], Hashable]
 NICHES: tuple[Niche, ...] = (
-    lambda behaviour, scenario: (behaviour, scenario.values["fault"] == DEFAULTS["fault"]),
+    lambda behaviour, scenario: (behaviour, _is_default(scenario, "fault"), _is_default(scenario, "hazard")),
     lambda _, scenario: scenario.values["fault"],
 )
 FIRST = 40  # flights before anything is learnt
@@ -65,7 +70,7 @@ class _Elites:
         lately = [max(each) >= len(flown) - LATELY for each in best]
         weights = np.where(lately, MORE_OFTEN, 1.0)
         self._best = [[flown[number].scenario for number in each] for each in best]
-        plain = np.array([one[0].values["fault"] == DEFAULTS["fault"] for one in self._best])
+        plain = np.array([_is_default(one[0], "fault") for one in self._best])
         for part, share in ((plain, PLAIN_SHARE), (~plain, 1.0 - PLAIN_SHARE)):
             weights[part] *= share / max(1.0, weights[part].sum())
         self._shares = weights / weights.sum()

@@ -145,14 +145,17 @@ def one_trouble(rng: np.random.Generator) -> Scenario:
 
 
 def in_the_way(rng: np.random.Generator) -> Scenario:
-    """Draw as `uniform`, but mostly what must be answered: a hazard in the way, a LiDAR that falls silent.
+    """Draw as `uniform`, but more of what tells something: a hazard in the way, a LiDAR that falls silent.
 
-    Two of five scenarios have no fault, and one of five has a LiDAR that falls silent.
+    Two of five scenarios have no fault, half of these no hazard either, since only a vehicle that lands shows
+    how well; one of five has a LiDAR that falls silent.
     """
     scenario, aside = uniform(rng), SPACE["hazard_aside_m"]
     assert isinstance(aside, Range)
     scenario = scenario.replaced("hazard_aside_m", rounded(aside, aside.high * rng.random() ** 2.5))
     kind = rng.random()
+    if kind < 0.2:
+        scenario = scenario.replaced("hazard", DEFAULTS["hazard"])
     if kind < 0.6:
         return scenario.replaced("fault", DEFAULTS["fault"] if kind < 0.4 else "lidar_stop")
     return scenario

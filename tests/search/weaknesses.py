@@ -21,7 +21,7 @@ from slz import PointState, SelectedPoint
 from tests.search.flight import SearchFlight, Weakness
 
 BLIND_S = 3.2  # about: from 4 m down to where a landing is not broken off any more
-SHIFT_M = 1.5
+SHIFT_M = 4.0  # less would reach nothing: what stands nearer breaks the landing off
 LEAST_SHARE = 0.05
 UNKNOWN_HEIGHT_M = 0.5  # of what the map alone shows
 

@@ -105,9 +105,9 @@ def test_clearance_of_a_ball_and_of_a_box_that_hangs() -> None:
 
 def test_the_least_clearance_is_kept_until_the_touchdown() -> None:
     there = world()
-    hazard = Hazard(Scenario.of(hazard="box", hazard_from_deg=90.0, hazard_speed_ms=5.0))
-    hazard.goal = 0.0, 0.0
+    hazard = Hazard(Scenario.of(hazard="box", hazard_from_deg=90.0, hazard_speed_ms=5.0), (0.0, 0.0))
     simulation = landed(there)
+    simulation.autopilot = SimpleNamespace(estimate=None)
     simulation.scene = SimpleNamespace(world=there)
     clearance = HazardClearance(hazard)
     hazard.start(simulation)
@@ -128,6 +128,23 @@ def test_the_least_clearance_is_kept_until_the_touchdown() -> None:
     assert math.isinf(before.least_m)
 
 
+def test_a_hazard_is_beside_the_ordered_point_wherever_the_landing_target_is() -> None:
+    scenario = Scenario.of(hazard="box", hazard_aside_m=2.0, hazard_aside_deg=90.0, hazard_speed_ms=5.0)
+    true, known = (SimpleNamespace(pos_enu_m=np.array([e, 0.0, 4.0])) for e in (0.5, 0.2))
+    for ordered, east_m in (((1.0, 3.0), 3.3), (None, 9.0)):
+        there, hazard = world(), Hazard(scenario, ordered)
+        simulation: Any = SimpleNamespace(
+            scene=SimpleNamespace(world=there),
+            vehicle=SimpleNamespace(truth=true),
+            autopilot=SimpleNamespace(estimate=known),
+        )
+        hazard.goal = 7.0, 3.0  # of the landing target
+        hazard.start(simulation)
+        hazard.move(simulation, 60.0)
+        mover = there.movers[Hazard.what]
+        assert (mover.x_m, mover.y_m) == pytest.approx((east_m, 3.0))
+
+
 def test_the_score_tells_more_than_the_margin() -> None:
     calm, near = {"hazard": 1.0, "speed": 0.8}, {"hazard": 0.9, "speed": 0.8}
     assert margin_of(calm) == margin_of(near)
@@ -138,7 +155,7 @@ def test_the_score_tells_more_than_the_margin() -> None:
 def test_the_response_is_the_time_to_react_and_the_distance_from_the_point_as_the_autopilot_knew() -> None:
     flying: Any = SimpleNamespace(touchdown=None)
     there, aside = (
-        Hazard(Scenario.of(hazard="box", hazard_speed_ms=5.0, hazard_aside_m=m)) for m in (0.0, 4.0)
+        Hazard(Scenario.of(hazard="box", hazard_speed_ms=5.0, hazard_aside_m=m), None) for m in (0.0, 4.0)
     )
     silence = troubles(Scenario.of(fault="lidar_stop", fault_s=2.0), np.random.default_rng(0))["lidar_stop"]
     assert response_of(flying, there, silence, 5 * S, (0.0, 0.0)) == {}

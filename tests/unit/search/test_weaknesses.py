@@ -14,7 +14,7 @@ from companion.flight.geometry.wind import Wind
 from companion.flight.landing.situation import Phase
 from slz import Intrusion, PointState
 from tests.search.scenario import Scenario
-from tests.search.weaknesses import WEAKNESSES, all_at_once, fading, turn_deg
+from tests.search.weaknesses import SHIFT_M, WEAKNESSES, all_at_once, fading, turn_deg
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def test_before_the_descent_nothing_is_hidden() -> None:
 
 
 def test_the_clock_offset_moves_position_and_target_apart() -> None:
-    for delay_s, off_m in ((0.12, 1.5), (0.0, 0.0)):
+    for delay_s, off_m in ((0.12, SHIFT_M), (0.0, 0.0)):
         flight = Flight(link_delay_s=delay_s)
         flight.seen = Seen(wind=Wind(np.pi, 5.0, 6.0, "tilt"), position_enu_m=np.zeros(3))
         flight.commands = Commands(np.array([1.0, 2.0, 0.0]))
