@@ -13,6 +13,7 @@ from tests.search.flights import Fly, FlyAll, flying
 from tests.search.flown_file import Flown, FlownFile
 from tests.search.niche_search import Scored, next_generation
 from tests.search.scenario import Scenario
+from tests.search.surprise import surprises
 
 GENERATION = 20
 
@@ -82,15 +83,18 @@ class Hunt:
 
 def _scored(flown: Sequence[Flown]) -> list[Scored]:
     """Return scores to learn from: not of what failed, was refused, or landed by the autopilot alone."""
+    taught = [one for one in flown if one["end"] not in (TAKEN, REFUSED) and not is_failure(one)]
+    scenarios = [Scenario.of(**one["scenario"]) for one in taught]
+    responses = [one["response"] for one in taught]
     return [
         Scored(
             one["score"],
             min(one["response"].values(), default=1.0),
+            surprise,
             f"{one['end']} {sorted(one['response'])}",
-            Scenario.of(**one["scenario"]),
+            scenario,
         )
-        for one in flown
-        if one["end"] not in (TAKEN, REFUSED) and not is_failure(one)
+        for one, scenario, surprise in zip(taught, scenarios, surprises(scenarios, responses), strict=True)
     ]
 
 

@@ -3,9 +3,9 @@
 The best of all flights are soon alike: the search would end at what is always close, such as a tall hazard
 while the LiDAR fails, and never see what is late where it need not be. Niches are by behaviour, which is the
 end and what was answered, with a fault and without, with a hazard and without, and by fault. The best are
-those of the least score and those that answered latest: what is answered late while nothing is near becomes
-unsafe by one more change. Niches that lately became better are drawn from more often, and half of what is
-drawn has no fault.
+those of the least score, those that answered latest, and those that answered later than expected
+(`surprise.py`): what is answered late while nothing is near becomes unsafe by one more change. Niches that
+lately became better are drawn from more often, and half of what is drawn has no fault.
 """
 
 from __future__ import annotations
@@ -16,15 +16,27 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tests.search.scenario import DEFAULTS, SPACE, Choice, Range, Scenario, acting, draw, in_the_way, rounded
+from tests.search.scenario import (
+    DEFAULTS,
+    SPACE,
+    Choice,
+    Range,
+    Scenario,
+    acting,
+    draw,
+    is_angle,
+    rounded,
+    telling,
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Scored:
-    """Flight as the search sees it; less is better, of the score and of the response (1: at once)."""
+    """Flight as the search sees it; less is better of score, response (1: at once) and surprise."""
 
     score: float
     response: float
+    surprise: float
     behaviour: str
     scenario: Scenario
 
@@ -39,8 +51,8 @@ NICHES: tuple[Niche, ...] = (
     lambda _, scenario: scenario.values["fault"],
 )
 FIRST = 40  # flights before anything is learnt
-NEW_SHARE = 0.25
-ELITE = 2  # of a niche, by score, and by response
+NEW_SHARE = 0.35
+ELITE = 2  # of a niche, by score, response and surprise each
 LATELY, MORE_OFTEN = 60, 20.0  # flights ago; weight of a niche that became better since
 PLAIN_SHARE = 0.5  # of those drawn: without a fault, which makes answers late by itself
 CHANGES = (1, 4)  # parameters that are drawn again
@@ -50,7 +62,7 @@ NEAR = (0.02, 0.2)  # of a range: changes that are none to somewhere else, as of
 def next_generation(rng: np.random.Generator, flown: Sequence[Scored], count: int) -> list[Scenario]:
     """Return the scenarios to fly next; none is like those before while too few are flown."""
     if len(flown) < FIRST:
-        return [in_the_way(rng) for _ in range(count)]
+        return [telling(rng) for _ in range(count)]
     kinds = [_Elites(flown, niche) for niche in NICHES]
     return [_one(rng, kinds[int(rng.integers(len(kinds)))]) for _ in range(count)]
 
@@ -65,7 +77,11 @@ class _Elites:
         best = [
             sorted(niches[key], key=rank)[:ELITE]
             for key in sorted(niches, key=str)
-            for rank in (lambda n: (flown[n].score, n), lambda n: (flown[n].response, flown[n].score, n))
+            for rank in (
+                lambda n: (flown[n].score, n),
+                lambda n: (flown[n].response, flown[n].score, n),
+                lambda n: (flown[n].surprise, flown[n].score, n),
+            )
         ]
         lately = [max(each) >= len(flown) - LATELY for each in best]
         weights = np.where(lately, MORE_OFTEN, 1.0)
@@ -81,7 +97,7 @@ class _Elites:
 
 
 def _one(rng: np.random.Generator, elites: _Elites) -> Scenario:
-    return in_the_way(rng) if rng.random() < NEW_SHARE else _changed(rng, elites.drawn(rng))
+    return telling(rng) if rng.random() < NEW_SHARE else _changed(rng, elites.drawn(rng))
 
 
 def _changed(rng: np.random.Generator, scenario: Scenario) -> Scenario:
@@ -100,8 +116,3 @@ def _near(name: str, part: Range, value: float, rng: np.random.Generator) -> flo
     span = part.high - part.low
     other = float(rng.normal(value, span * math.exp(rng.uniform(*np.log(NEAR)))))
     return rounded(part, (other - part.low) % span + part.low if is_angle(name) else other)
-
-
-def is_angle(name: str) -> bool:
-    """Return whether a parameter wraps around."""
-    return name.endswith("_deg")

@@ -123,6 +123,11 @@ class Scenario:
         return Scenario({**self.values, name: value})
 
 
+def is_angle(name: str) -> bool:
+    """Return whether a parameter wraps around."""
+    return name.endswith("_deg")
+
+
 def acting(scenario: Scenario) -> list[str]:
     """Return the names of the parameters that change the flight: not those of a fault or hazard of none."""
     idle = [f"{kind}_" for kind in ("fault", "hazard") if scenario.values[kind] == DEFAULTS[kind]]
@@ -144,21 +149,22 @@ def one_trouble(rng: np.random.Generator) -> Scenario:
     return scenario.replaced(spared, DEFAULTS[spared]) if troubled else scenario
 
 
-def in_the_way(rng: np.random.Generator) -> Scenario:
-    """Draw as `uniform`, but more of what tells something: a hazard in the way, a LiDAR that falls silent.
+def telling(rng: np.random.Generator) -> Scenario:
+    """Draw as `uniform`, but more of what tells something by its response.
 
-    Two of five scenarios have no fault, half of these no hazard either, since only a vehicle that lands shows
-    how well; one of five has a LiDAR that falls silent.
+    Three of twenty scenarios have neither fault nor hazard: only a vehicle that lands shows how well. Six
+    have a hazard in the way and no fault, three a LiDAR that falls silent.
     """
     scenario, aside = uniform(rng), SPACE["hazard_aside_m"]
     assert isinstance(aside, Range)
     scenario = scenario.replaced("hazard_aside_m", rounded(aside, aside.high * rng.random() ** 2.5))
-    kind = rng.random()
-    if kind < 0.2:
-        scenario = scenario.replaced("hazard", DEFAULTS["hazard"])
-    if kind < 0.6:
-        return scenario.replaced("fault", DEFAULTS["fault"] if kind < 0.4 else "lidar_stop")
-    return scenario
+    kind = int(rng.integers(20))
+    if kind < 3:
+        return scenario.replaced("fault", DEFAULTS["fault"]).replaced("hazard", DEFAULTS["hazard"])
+    if kind < 9:
+        scenario = scenario.replaced("fault", DEFAULTS["fault"])
+        return scenario.replaced("hazard", KINDS[1 + int(rng.integers(len(KINDS) - 1))])
+    return scenario.replaced("fault", "lidar_stop") if kind < 12 else scenario
 
 
 def draw(part: Range | Choice, rng: np.random.Generator) -> Value:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from tests.search.niche_search import is_angle
-from tests.search.scenario import DEFAULTS, SPACE, Choice, Range, Scenario, rounded
+from tests.search.scenario import DEFAULTS, SPACE, Choice, Range, Scenario, is_angle, rounded
 
 HALVINGS = 3
 GROUPS = ("drift", "dust", "fault", "hazard", "link", "late", "gust", "wind", "point", "start")

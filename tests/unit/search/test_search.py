@@ -20,8 +20,21 @@ from tests.search.flight import Outcome
 from tests.search.flown_file import InputError
 from tests.search.hunt import GENERATION, Hunt
 from tests.search.niche_search import FIRST, Scored, next_generation
-from tests.search.scenario import DEFAULTS, FAULTS, SPACE, Range, Scenario, acting, one_trouble, read, uniform
+from tests.search.scenario import (
+    DEFAULTS,
+    FAULTS,
+    SPACE,
+    Range,
+    Scenario,
+    acting,
+    one_trouble,
+    read,
+    telling,
+    uniform,
+)
 from tests.search.shrink import shrink
+from tests.search.surprise import surprises
+from tests.search.weaknesses import turn_deg
 
 PEAK = {"wind_ms": 6.0, "wind_from_deg": 350.0, "hazard_height_m": 1.1, "hazard_below_m": 4.4}
 
@@ -114,7 +127,7 @@ def test_failures_and_failsafes_are_no_examples(tmp_path: Path) -> None:
     assert len(hunt.flown) == 70
     scenarios = [Scenario.of(**one["scenario"]) for one in hunt.flown]
     learnt = [
-        Scored(one["score"], 1.0, "safe []", s)
+        Scored(one["score"], 1.0, 0.0, "safe []", s)
         for one, s in zip(hunt.flown[2:60], scenarios[2:60], strict=True)
     ]
     drawn = next_generation(np.random.default_rng([1, 3]), learnt, GENERATION)
@@ -125,13 +138,40 @@ def test_failures_and_failsafes_are_no_examples(tmp_path: Path) -> None:
 def test_flights_without_a_fault_are_varied_as_often_as_all_others() -> None:
     rng = np.random.default_rng(4)
     flown = [
-        Scored(0.5, 1.0, "aborted []", uniform(rng).replaced("fault", fault))
+        Scored(0.5, 1.0, 0.0, "aborted []", uniform(rng).replaced("fault", fault))
         for fault in FAULTS
         for _ in range(4)
     ]
     drawn = next_generation(rng, flown, 600)
     plain = sum(scenario.values["fault"] == "none" for scenario in drawn)
     assert 0.38 < plain / len(drawn) < 0.55
+
+
+def test_what_tells_nothing_is_drawn_seldom() -> None:
+    rng = np.random.default_rng(3)
+    drawn = [telling(rng) for _ in range(1000)]
+    kinds = [(one.values["fault"], one.values["hazard"] == "none") for one in drawn]
+    assert 150 < kinds.count(("none", True)) < 210
+    assert 280 < kinds.count(("none", False)) < 370
+    assert 150 < sum(fault == "lidar_stop" for fault, _ in kinds) < 220
+    assert sum(one.number("hazard_aside_m") < 1.0 for one in drawn) > 450
+
+
+def test_what_is_known_to_be_late_is_no_surprise() -> None:
+    rng = np.random.default_rng(5)
+    drawn = [uniform(rng) for _ in range(300)]
+    weak = [turn_deg(one.number("wind_from_deg"), 315.0) ** 2 < 15.0**2 for one in drawn]
+    answered = [
+        {"reaction": 0.9 - one.number("link_delay_s") - 0.4 * (one.text("hazard") == "post") - 0.3 * late}
+        for one, late in zip(drawn, weak, strict=True)
+    ]
+    found = surprises(drawn, answered)
+    assert max(f for f, late in zip(found, weak, strict=True) if late) < -0.15
+    assert min(f for f, late in zip(found, weak, strict=True) if not late) > -0.1
+    copies = [drawn[weak.index(True)]] * 300
+    again = surprises(drawn + copies, answered + [answered[weak.index(True)]] * 300)
+    assert again[-1] < -0.15
+    assert surprises(drawn[:2], [{}, {"accuracy": 0.3}]) == [0.0, 0.0]
 
 
 def fails_by_wind_and_box(scenario: Scenario) -> bool:
