@@ -33,7 +33,7 @@ from tests.campaign.witness import COMPANION
 from tests.e2e.harness import LIDAR_MS, POINT_RATE_HZ, TICK_NS, Mission
 from tests.ports import free_port
 from tests.search.hazard import Hazard
-from tests.search.margin import HazardClearance, margin_of, parts_of, response_of, score_of
+from tests.search.margin import HazardClearance, margin_of, missed_m_deg, parts_of, response_of, score_of
 from tests.search.memory_loop import LOCAL, MemoryLoop
 from tests.search.scenario import Scenario
 from tests.search.troubles import troubles
@@ -71,6 +71,7 @@ class Outcome:
 
     end: one of `ENDS`; "refused": it did not begin to descend; "failsafe": the autopilot landed by itself.
     parts: of the margin. response: how it answered what happened. score: what the search minimises.
+    missed: distance (m) and compass bearing from the ordered point to the touchdown, where both are known.
     """
 
     end: str
@@ -82,6 +83,7 @@ class Outcome:
     touchdown: dict[str, Any] | None
     simulated_s: float
     cpu_s: float
+    missed: tuple[float, float] | None = None
 
     @property
     def unsafe(self) -> bool:
@@ -239,7 +241,8 @@ class SearchFlight(Mission):
         tally = self.companion.executive.tally
         parts = parts_of(self.sim, self.clearance) if self.has_taken_off else {"hazard": 1.0}
         margin = margin_of(parts)
-        response = response_of(self.sim, self.hazard, self.silence, self._reacted_ns, self.kept_en_m)
+        missed = None if self.kept_en_m is None else missed_m_deg(self.sim, self.kept_en_m)
+        response = response_of(self.sim, self.hazard, self.silence, self._reacted_ns, missed)
         return Outcome(
             self._end(margin),
             margin,
@@ -250,6 +253,7 @@ class SearchFlight(Mission):
             self.sim.touchdown,
             round(self.sim.now_ns * 1e-9, 1),
             round(cpu_s, 2),
+            missed,
         )
 
     def _end(self, margin: float) -> str:

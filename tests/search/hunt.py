@@ -93,6 +93,7 @@ def _scored(flown: Sequence[Flown]) -> list[Scored]:
             surprise,
             f"{one['end']} {sorted(one['response'])}",
             scenario,
+            one["missed"],
         )
         for one, scenario, surprise in zip(taught, scenarios, surprises(scenarios, responses), strict=True)
     ]

@@ -120,11 +120,11 @@ def response_of(
     hazard: Hazard | None,
     silence: Spell | None,
     reacted_ns: int | None,
-    ordered_en_m: tuple[float, float] | None,
+    missed: tuple[float, float] | None,
 ) -> dict[str, float]:
     """Return the parts of the response to what happened, by name.
 
-    ordered_en_m: None if the estimate jumped, and the point with it.
+    missed: of `missed_m_deg`.
 
     reaction: time from the arrival of a hazard that is in the way to when the landing was broken off or
     waited, below zero while it was still coming; absent if neither was. silence: time from when the LiDAR
@@ -139,13 +139,20 @@ def response_of(
         late_ns = reacted_ns - silence.begun_ns
         if 0 <= late_ns <= silence.lasts_ns:
             parts["silence"] = _left(late_ns)
-    if (touchdown := simulation.touchdown) is not None and ordered_en_m is not None:
-        known, true = simulation.autopilot.estimate, simulation.vehicle.truth
-        drift = (0.0, 0.0) if known is None else known.pos_enu_m[:2] - true.pos_enu_m[:2]
-        east, north = touchdown["e"] + drift[0], touchdown["n"] + drift[1]
-        off_m = math.hypot(east - ordered_en_m[0], north - ordered_en_m[1])
-        parts["accuracy"] = round(max(-1.0, 1.0 - off_m / PLACE_M), 5)
+    if missed is not None:
+        parts["accuracy"] = round(max(-1.0, 1.0 - missed[0] / PLACE_M), 5)
     return parts
+
+
+def missed_m_deg(simulation: Simulation, ordered_en_m: tuple[float, float]) -> tuple[float, float] | None:
+    """Return distance and compass bearing from the ordered point to the touchdown, as the autopilot knew."""
+    if (touchdown := simulation.touchdown) is None:
+        return None
+    known, true = simulation.autopilot.estimate, simulation.vehicle.truth
+    drift = (0.0, 0.0) if known is None else known.pos_enu_m[:2] - true.pos_enu_m[:2]
+    east = touchdown["e"] + float(drift[0]) - ordered_en_m[0]
+    north = touchdown["n"] + float(drift[1]) - ordered_en_m[1]
+    return round(math.hypot(east, north), 4), round(math.degrees(math.atan2(east, north)) % 360.0, 4)
 
 
 def _left(late_ns: int) -> float:

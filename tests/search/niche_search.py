@@ -5,7 +5,8 @@ while the LiDAR fails, and never see what is late where it need not be. Niches a
 end and what was answered, with a fault and without, with a hazard and without, and by fault. The best are
 those of the least score, those that answered latest, and those that answered later than expected
 (`surprise.py`): what is answered late while nothing is near becomes unsafe by one more change. Niches that
-lately became better are drawn from more often, and half of what is drawn has no fault.
+lately became better are drawn from more often, and half of what is drawn has no fault. Who comes down beside
+the point is safe there unless something stands in this place: half of the variations put it there.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 
 from tests.search.scenario import (
     DEFAULTS,
+    KINDS,
     SPACE,
     Choice,
     Range,
@@ -32,13 +34,17 @@ from tests.search.scenario import (
 
 @dataclass(frozen=True, slots=True)
 class Scored:
-    """Flight as the search sees it; less is better of score, response (1: at once) and surprise."""
+    """Flight as the search sees it; less is better of score, response (1: at once) and surprise.
+
+    missed: distance (m) and compass bearing from the ordered point to the touchdown; None without one.
+    """
 
     score: float
     response: float
     surprise: float
     behaviour: str
     scenario: Scenario
+    missed: tuple[float, float] | None = None
 
 
 def _is_default(scenario: Scenario, name: str) -> bool:
@@ -55,6 +61,7 @@ NEW_SHARE = 0.35
 ELITE = 2  # of a niche, by score, response and surprise each
 LATELY, MORE_OFTEN = 60, 20.0  # flights ago; weight of a niche that became better since
 PLAIN_SHARE = 0.5  # of those drawn: without a fault, which makes answers late by itself
+MISSED_M, TO_MEET_SHARE = 1.0, 0.5  # touchdowns so far from the point get a hazard there, so often
 CHANGES = (1, 4)  # parameters that are drawn again
 NEAR = (0.02, 0.2)  # of a range: changes that are none to somewhere else, as often small as large
 
@@ -85,19 +92,37 @@ class _Elites:
         ]
         lately = [max(each) >= len(flown) - LATELY for each in best]
         weights = np.where(lately, MORE_OFTEN, 1.0)
-        self._best = [[flown[number].scenario for number in each] for each in best]
-        plain = np.array([_is_default(one[0], "fault") for one in self._best])
+        self._best = [[flown[number] for number in each] for each in best]
+        plain = np.array([_is_default(one[0].scenario, "fault") for one in self._best])
         for part, share in ((plain, PLAIN_SHARE), (~plain, 1.0 - PLAIN_SHARE)):
             weights[part] *= share / max(1.0, weights[part].sum())
         self._shares = weights / weights.sum()
 
-    def drawn(self, rng: np.random.Generator) -> Scenario:
+    def drawn(self, rng: np.random.Generator) -> Scored:
         best = self._best[int(rng.choice(len(self._best), p=self._shares))]
         return best[int(rng.integers(len(best)))]
 
 
 def _one(rng: np.random.Generator, elites: _Elites) -> Scenario:
-    return telling(rng) if rng.random() < NEW_SHARE else _changed(rng, elites.drawn(rng))
+    return telling(rng) if rng.random() < NEW_SHARE else _varied(rng, elites.drawn(rng))
+
+
+def _varied(rng: np.random.Generator, best: Scored) -> Scenario:
+    if best.missed is not None and best.missed[0] > MISSED_M and rng.random() < TO_MEET_SHARE:
+        return _met(rng, best.scenario, *best.missed)
+    return _changed(rng, best.scenario)
+
+
+def _met(rng: np.random.Generator, scenario: Scenario, missed_m: float, missed_deg: float) -> Scenario:
+    """Return a scenario with a hazard about where the vehicle came down."""
+    values = dict(scenario.values)
+    if _is_default(scenario, "hazard"):
+        values["hazard"] = KINDS[1 + int(rng.integers(len(KINDS) - 1))]
+    for name, value in (("hazard_aside_m", missed_m), ("hazard_aside_deg", missed_deg)):
+        part = SPACE[name]
+        assert isinstance(part, Range)
+        values[name] = _near(name, part, value, rng)
+    return Scenario(values)
 
 
 def _changed(rng: np.random.Generator, scenario: Scenario) -> Scenario:

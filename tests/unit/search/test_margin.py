@@ -15,7 +15,15 @@ from sitl.truth.touchdown import fault_of
 from sitl.world.primitives import Box, Ellipsoid, Ground, Kind, Solid
 from sitl.world.world import World
 from tests.search.hazard import FROM_M, Hazard
-from tests.search.margin import HazardClearance, clearance_m, margin_of, parts_of, response_of, score_of
+from tests.search.margin import (
+    HazardClearance,
+    clearance_m,
+    margin_of,
+    missed_m_deg,
+    parts_of,
+    response_of,
+    score_of,
+)
 from tests.search.scenario import Scenario
 from tests.search.troubles import troubles
 
@@ -158,15 +166,15 @@ def test_the_response_is_the_time_to_react_and_the_distance_from_the_point_as_th
         Hazard(Scenario.of(hazard="box", hazard_speed_ms=5.0, hazard_aside_m=m), None) for m in (0.0, 4.0)
     )
     silence = troubles(Scenario.of(fault="lidar_stop", fault_s=2.0), np.random.default_rng(0))["lidar_stop"]
-    assert response_of(flying, there, silence, 5 * S, (0.0, 0.0)) == {}
+    assert response_of(flying, there, silence, 5 * S, None) == {}
     there.started_ns = aside.started_ns = silence.begun_ns = 10 * S  # they come 5 m at 5 m/s
-    assert response_of(flying, there, silence, None, (0.0, 0.0)) == {}
-    assert response_of(flying, aside, None, 12 * S, (0.0, 0.0)) == {}
-    assert response_of(flying, there, None, 9 * S, (0.0, 0.0)) == {}  # to something else
+    assert response_of(flying, there, silence, None, None) == {}
+    assert response_of(flying, aside, None, 12 * S, None) == {}
+    assert response_of(flying, there, None, 9 * S, None) == {}  # to something else
     for reacted_s, left in ((10.4, 1.2), (12.5, 0.5), (20.0, -1.0)):
-        assert response_of(flying, there, None, round(reacted_s * S), (0.0, 0.0)) == {"reaction": left}
-    assert response_of(flying, None, silence, round(11.5 * S), (0.0, 0.0)) == {"silence": 0.5}
-    assert response_of(flying, None, silence, 13 * S, (0.0, 0.0)) == {}  # of something else
+        assert response_of(flying, there, None, round(reacted_s * S), None) == {"reaction": left}
+    assert response_of(flying, None, silence, round(11.5 * S), None) == {"silence": 0.5}
+    assert response_of(flying, None, silence, 13 * S, None) == {}  # of something else
 
     there_m, known_m = (SimpleNamespace(pos_enu_m=np.array([e, 0.0, 0.0])) for e in (1.2, 0.6))
     touched: Any = SimpleNamespace(
@@ -174,5 +182,8 @@ def test_the_response_is_the_time_to_react_and_the_distance_from_the_point_as_th
         autopilot=SimpleNamespace(estimate=known_m),
         vehicle=SimpleNamespace(truth=there_m),
     )
-    assert response_of(touched, None, None, None, (0.0, 0.0)) == {"accuracy": 0.75}
+    assert missed_m_deg(touched, (0.0, 0.0)) == (0.6, 90.0)
+    assert missed_m_deg(touched, (0.6, 1.0)) == (1.0, 180.0)
+    assert missed_m_deg(flying, (0.0, 0.0)) is None
+    assert response_of(touched, None, None, None, (0.6, 90.0)) == {"accuracy": 0.75}
     assert response_of(touched, None, None, None, None) == {}

@@ -147,6 +147,20 @@ def test_flights_without_a_fault_are_varied_as_often_as_all_others() -> None:
     assert 0.38 < plain / len(drawn) < 0.55
 
 
+def test_half_of_the_variations_put_a_hazard_where_the_vehicle_came_down_beside_the_point() -> None:
+    calm = Scenario.of(hazard_aside_m=0.5, hazard_aside_deg=300.0)
+    for missed_m, low, high in ((2.5, 0.25, 0.4), (0.5, 0.0, 0.1)):
+        flown = [Scored(0.5, 0.5, -0.4, "safe ['accuracy']", calm, (missed_m, 80.0))] * FIRST
+        drawn = next_generation(np.random.default_rng(2), flown, 400)
+        met = [
+            one.text("hazard") != "none"
+            and abs(one.number("hazard_aside_m") - missed_m) < 1.0
+            and abs(turn_deg(one.number("hazard_aside_deg"), 80.0)) < 60.0
+            for one in drawn
+        ]
+        assert low <= sum(met) / len(met) < high
+
+
 def test_what_tells_nothing_is_drawn_seldom() -> None:
     rng = np.random.default_rng(3)
     drawn = [telling(rng) for _ in range(1000)]
