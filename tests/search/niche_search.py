@@ -5,7 +5,8 @@ while the LiDAR fails, and never see what is late where it need not be. Niches a
 end and what was answered, with a fault and without, with a hazard and without, and by fault. The best are
 those of the least score, those that answered latest, and those that answered later than expected
 (`surprise.py`): what is answered late while nothing is near becomes unsafe by one more change. Niches that
-lately became better are drawn from more often, and half of what is drawn has no fault. Who comes down beside
+lately became better are drawn from more often, half of what is drawn has no fault, and a quarter of all
+flights vary the most surprising of all: among so many niches they would come seldom. Who comes down beside
 the point is safe there unless something stands in this place: half of the variations put it there.
 """
 
@@ -57,8 +58,9 @@ NICHES: tuple[Niche, ...] = (
     lambda _, scenario: scenario.values["fault"],
 )
 FIRST = 40  # flights before anything is learnt
-NEW_SHARE = 0.35
+NEW_SHARE, SURPRISING_SHARE = 0.35, 0.25  # drawn anew; varies the most surprising of all
 ELITE = 2  # of a niche, by score, response and surprise each
+MOST = 4  # surprising of all, with a fault and without each
 LATELY, MORE_OFTEN = 60, 20.0  # flights ago; weight of a niche that became better since
 PLAIN_SHARE = 0.5  # of those drawn: without a fault, which makes answers late by itself
 MISSED_M, TO_MEET_SHARE = 1.0, 0.5  # touchdowns so far from the point get a hazard there, so often
@@ -70,8 +72,16 @@ def next_generation(rng: np.random.Generator, flown: Sequence[Scored], count: in
     """Return the scenarios to fly next; none is like those before while too few are flown."""
     if len(flown) < FIRST:
         return [telling(rng) for _ in range(count)]
-    kinds = [_Elites(flown, niche) for niche in NICHES]
-    return [_one(rng, kinds[int(rng.integers(len(kinds)))]) for _ in range(count)]
+    kinds, surprising = [_Elites(flown, niche) for niche in NICHES], _surprising(flown)
+    return [_one(rng, kinds[int(rng.integers(len(kinds)))], surprising) for _ in range(count)]
+
+
+def _surprising(flown: Sequence[Scored]) -> list[Scored]:
+    ranked = sorted(flown, key=lambda one: (one.surprise, one.score))
+    with_fault, without = (
+        [s for s in ranked if _is_default(s.scenario, "fault") is no] for no in (False, True)
+    )
+    return with_fault[:MOST] + without[:MOST]
 
 
 class _Elites:
@@ -103,8 +113,13 @@ class _Elites:
         return best[int(rng.integers(len(best)))]
 
 
-def _one(rng: np.random.Generator, elites: _Elites) -> Scenario:
-    return telling(rng) if rng.random() < NEW_SHARE else _varied(rng, elites.drawn(rng))
+def _one(rng: np.random.Generator, elites: _Elites, surprising: Sequence[Scored]) -> Scenario:
+    kind = rng.random()
+    if kind < NEW_SHARE:
+        return telling(rng)
+    if kind < NEW_SHARE + SURPRISING_SHARE:
+        return _varied(rng, surprising[int(rng.integers(len(surprising)))])
+    return _varied(rng, elites.drawn(rng))
 
 
 def _varied(rng: np.random.Generator, best: Scored) -> Scenario:

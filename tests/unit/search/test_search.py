@@ -161,6 +161,16 @@ def test_half_of_the_variations_put_a_hazard_where_the_vehicle_came_down_beside_
         assert low <= sum(met) / len(met) < high
 
 
+def test_the_most_surprising_flights_are_varied_often_among_many_niches() -> None:
+    rng = np.random.default_rng(6)
+    flown = [Scored(0.5, 1.0, 0.0, f"end {n}", uniform(rng)) for n in range(200)]
+    flown += [Scored(0.9, 1.0, -0.4, "aborted []", uniform(rng)) for _ in range(2)]
+    kept_by = [{one.scenario.values[n] for n in ("gust_ms", "drift_ms")} for one in flown[-2:]]
+    drawn = next_generation(rng, flown, 600)
+    varied = sum(bool(kept & set(one.values.values())) for one in drawn for kept in kept_by)
+    assert varied > 60
+
+
 def test_what_tells_nothing_is_drawn_seldom() -> None:
     rng = np.random.default_rng(3)
     drawn = [telling(rng) for _ in range(1000)]
