@@ -90,12 +90,12 @@ def _scored(flown: Sequence[Flown]) -> list[Scored]:
         Scored(
             one["score"],
             min(one["response"].values(), default=1.0),
-            surprise,
+            each,
             f"{one['end']} {sorted(one['response'])}",
             scenario,
             one["missed"],
         )
-        for one, scenario, surprise in zip(taught, scenarios, surprises(scenarios, responses), strict=True)
+        for one, scenario, each in zip(taught, scenarios, surprises(scenarios, responses), strict=True)
     ]
 
 

@@ -20,17 +20,19 @@ from tests.search.scenario import SPACE, Choice, Scenario, is_angle
 RIDGE = 1.0  # flights that a weight of one counts as much as
 
 
-def surprises(scenarios: Sequence[Scenario], responses: Sequence[Mapping[str, float]]) -> list[float]:
-    """Return for each flight the least of response minus expected response: less is worse, 0 without one."""
+def surprises(
+    scenarios: Sequence[Scenario], responses: Sequence[Mapping[str, float]]
+) -> list[dict[str, float]]:
+    """Return for each flight the parts of its response minus what is expected: less is worse."""
     known = np.array([_known(scenario) for scenario in scenarios])
     weights = _weights(scenarios)
-    left: list[list[float]] = [[] for _ in scenarios]
+    left: list[dict[str, float]] = [{} for _ in scenarios]
     for name in sorted({name for response in responses for name in response}):
         rows = [number for number, response in enumerate(responses) if name in response]
         found = np.array([responses[number][name] for number in rows])
         for number, value in zip(rows, found - _expected(known[rows], found, weights[rows]), strict=True):
-            left[number].append(round(float(value), 5))
-    return [min(each, default=0.0) for each in left]
+            left[number][name] = round(float(value), 5)
+    return left
 
 
 def _known(scenario: Scenario) -> list[float]:
