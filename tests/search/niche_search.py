@@ -66,9 +66,9 @@ NICHES: tuple[Niche, ...] = (
 FIRST = 40  # flights before anything is learnt
 NEW_SHARE, SURPRISING_SHARE = 0.35, 0.45  # drawn anew; varies the most surprising
 ELITE = 2  # of a niche, by score, response and surprise each
-MOST = 3  # surprising by each part of the response, with a fault and without
+MOST = 4  # surprising by each part of the response, with a fault and without
 LATELY, MORE_OFTEN = 60, 20.0  # flights ago; weight of a niche that became better since
-CLIMBING = 5.0  # weight of a part whose surprise became larger since
+LEAST_SURPRISE = 1.0  # for a weight
 PLAIN_SHARE = 0.5  # of those drawn: without a fault, which makes answers late by itself
 MISSED_M, TO_MEET_SHARE = 1.0, 0.5  # touchdowns so far from the point get a hazard there, so often
 CHANGES, FEW_CHANGES = (1, 4), (1, 2)  # parameters that are drawn again; of what surprises
@@ -84,27 +84,39 @@ def next_generation(rng: np.random.Generator, flown: Sequence[Scored], count: in
 
 
 class _Surprising:
-    """Most surprising flights by each part of the response, with a fault and without.
-
-    Apart, because parts differ in their noise: a touchdown 0.7 m beside the point is rarer than an answer
-    that is 1 s late.
-    """
+    """Most surprising flights by each part of the response, with a fault and without, no two alike."""
 
     def __init__(self, flown: Sequence[Scored]) -> None:
-        groups: dict[tuple[str, bool], list[int]] = {}
-        for number, one in enumerate(flown):
+        groups: dict[tuple[str, bool], list[Scored]] = {}
+        for one in flown:
             for part in one.surprises:
-                groups.setdefault((part, _is_default(one.scenario, "fault")), []).append(number)
-        best = [sorted(groups[key], key=lambda n: (flown[n].surprises[key[0]], n)) for key in sorted(groups)]
-        weights = np.array([CLIMBING if each[0] >= len(flown) - LATELY else 1.0 for each in best])
-        self._best = [[flown[number] for number in each[:MOST]] for each in best]
-        self._shares = weights / weights.sum()
+                groups.setdefault((part, _is_default(one.scenario, "fault")), []).append(one)
+        self._best, surprises = [], []
+        for part, is_plain in sorted(groups):
+            ranked = sorted(groups[part, is_plain], key=lambda one: one.surprises[part])
+            found = _unlike(ranked, MOST)
+            self._best += found
+            surprises += [one.surprises[part] for one in found]
+        self._weights = np.maximum(LEAST_SURPRISE, -np.array(surprises)) ** 2
 
     def drawn(self, rng: np.random.Generator) -> Scored | None:
+        """Return one of them, which comes as often as the square of its surprise; None without any."""
         if not self._best:
             return None
-        best = self._best[int(rng.choice(len(self._best), p=self._shares))]
-        return best[int(rng.integers(len(best)))]
+        return self._best[int(rng.choice(len(self._best), p=self._weights / self._weights.sum()))]
+
+
+def _unlike(ranked: Sequence[Scored], most: int) -> list[Scored]:
+    """Return the first of a sequence, each with most numbers other than those of all before."""
+    found: list[Scored] = []
+    for one in ranked:
+        if len(found) < most and not any(_alike(one.scenario, other.scenario) for other in found):
+            found.append(one)
+    return found
+
+
+def _alike(one: Scenario, other: Scenario) -> bool:
+    return sum(one.values[name] == other.values[name] for name in SPACE) > len(SPACE) / 2
 
 
 class _Elites:

@@ -3,9 +3,9 @@
 The time to an answer differs between flights without any weakness: what is tall or fast is seen sooner, and a
 late link answers later. The latest of all are then soon the same few, and a weakness that makes an answer
 half a second later is not seen among them. So a linear model of each part of the response is fitted to all
-flights (ridge regression), and what it leaves is the surprise. Directions are not in it: nothing known
-depends on them. Flights that vary one flight count together as about one, or the model would explain what
-the search lately looks at.
+flights, by ridge regression in which outliers count little (Huber's weights); what it leaves, in standard
+deviations of that part, is the surprise. Directions are not in it: nothing known depends on them. Flights
+that vary one flight count together as about one, or the model would explain what the search lately looks at.
 """
 
 from __future__ import annotations
@@ -18,19 +18,22 @@ import numpy as np
 from tests.search.scenario import SPACE, Choice, Scenario, is_angle
 
 RIDGE = 1.0  # flights that a weight of one counts as much as
+LEAST_NOISE = 0.02  # of a response: 0.06 s or 5 cm
+FITS, OUTLIER = 5, 1.5  # standard deviations beyond which a flight counts less
+TO_DEVIATION = 1.4826  # standard deviation of a normal distribution, by its median distance
 
 
 def surprises(
     scenarios: Sequence[Scenario], responses: Sequence[Mapping[str, float]]
 ) -> list[dict[str, float]]:
-    """Return for each flight the parts of its response minus what is expected: less is worse."""
+    """Return for each flight the surprise by the parts of its response: less is worse."""
     known = np.array([_known(scenario) for scenario in scenarios])
     weights = _weights(scenarios)
     left: list[dict[str, float]] = [{} for _ in scenarios]
     for name in sorted({name for response in responses for name in response}):
         rows = [number for number, response in enumerate(responses) if name in response]
         found = np.array([responses[number][name] for number in rows])
-        for number, value in zip(rows, found - _expected(known[rows], found, weights[rows]), strict=True):
+        for number, value in zip(rows, _surprise(known[rows], found, weights[rows]), strict=True):
             left[number][name] = round(float(value), 5)
     return left
 
@@ -57,6 +60,21 @@ def _weights(scenarios: Sequence[Scenario]) -> Any:
         )
         shares.append(1.0 / counts[which])
     return np.median(shares, axis=0)
+
+
+def _surprise(known: Any, found: Any, weights: Any) -> Any:
+    """Return the residuals of the fit in their standard deviations."""
+    trusted = weights
+    for _ in range(FITS):
+        off = found - _expected(known, found, trusted)
+        noise = max(LEAST_NOISE, TO_DEVIATION * _median(np.abs(off), weights))
+        trusted = weights * np.minimum(1.0, OUTLIER * noise / np.maximum(np.abs(off), LEAST_NOISE))
+    return off / noise
+
+
+def _median(values: Any, weights: Any) -> float:
+    order = np.argsort(values)
+    return float(values[order][np.searchsorted(np.cumsum(weights[order]), weights.sum() / 2)])
 
 
 def _expected(known: Any, found: Any, weights: Any) -> Any:

@@ -150,7 +150,7 @@ def test_flights_without_a_fault_are_varied_as_often_as_all_others() -> None:
 def test_half_of_the_variations_put_a_hazard_where_the_vehicle_came_down_beside_the_point() -> None:
     calm = Scenario.of(hazard_aside_m=0.5, hazard_aside_deg=300.0)
     for missed_m, low, high in ((2.5, 0.25, 0.4), (0.5, 0.0, 0.1)):
-        flown = [Scored(0.5, 0.5, {"accuracy": -0.4}, "safe ['accuracy']", calm, (missed_m, 80.0))] * FIRST
+        flown = [Scored(0.5, 0.5, {"accuracy": -4.0}, "safe ['accuracy']", calm, (missed_m, 80.0))] * FIRST
         drawn = next_generation(np.random.default_rng(2), flown, 400)
         met = [
             one.text("hazard") != "none"
@@ -164,7 +164,7 @@ def test_half_of_the_variations_put_a_hazard_where_the_vehicle_came_down_beside_
 def test_the_most_surprising_flights_are_varied_often_among_many_niches() -> None:
     rng = np.random.default_rng(6)
     flown = [Scored(0.5, 1.0, {"reaction": 0.0}, f"end {n}", uniform(rng)) for n in range(200)]
-    flown += [Scored(0.9, 1.0, {"accuracy": -0.1}, "aborted []", uniform(rng)) for _ in range(2)]
+    flown += [Scored(0.9, 1.0, {"accuracy": -5.0}, "aborted []", uniform(rng)) for _ in range(2)]
     kept_by = [{one.scenario.values[n] for n in ("gust_ms", "drift_ms")} for one in flown[-2:]]
     drawn = next_generation(rng, flown, 600)
     varied = sum(bool(kept & set(one.values.values())) for one in drawn for kept in kept_by)
@@ -190,11 +190,11 @@ def test_what_is_known_to_be_late_is_no_surprise() -> None:
         for one, late in zip(drawn, weak, strict=True)
     ]
     found = [one["reaction"] for one in surprises(drawn, answered)]
-    assert max(f for f, late in zip(found, weak, strict=True) if late) < -0.15
-    assert min(f for f, late in zip(found, weak, strict=True) if not late) > -0.1
+    assert max(f for f, late in zip(found, weak, strict=True) if late) < -1.0
+    assert min(f for f, late in zip(found, weak, strict=True) if not late) > -1.0
     copies = [drawn[weak.index(True)]] * 300
     again = surprises(drawn + copies, answered + [answered[weak.index(True)]] * 300)
-    assert again[-1]["reaction"] < -0.15
+    assert again[-1]["reaction"] < -1.0
     assert surprises(drawn[:2], [{}, {"accuracy": 0.3}]) == [{}, {"accuracy": 0.0}]
 
 
