@@ -171,6 +171,16 @@ def test_the_most_surprising_flights_are_varied_often_among_many_niches() -> Non
     assert varied > 60
 
 
+def test_copies_of_the_most_surprising_flight_leave_room_for_the_next() -> None:
+    rng = np.random.default_rng(8)
+    most, next_one = (uniform(rng).replaced("fault", "none").replaced("hazard", "box") for _ in range(2))
+    flown = [Scored(0.9, 1.0, {"reaction": -5.0}, "aborted []", most) for _ in range(60)]
+    flown.append(Scored(0.9, 1.0, {"reaction": -4.0}, "aborted []", next_one))
+    drawn = next_generation(rng, flown, 400)
+    varied = [sum(one.values["gust_ms"] == of.values["gust_ms"] for one in drawn) for of in (most, next_one)]
+    assert varied[0] > varied[1] > 40
+
+
 def test_what_tells_nothing_is_drawn_seldom() -> None:
     rng = np.random.default_rng(3)
     drawn = [telling(rng) for _ in range(1000)]
