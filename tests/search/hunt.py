@@ -11,8 +11,9 @@ import numpy as np
 from tests.search.flight import REFUSED, TAKEN, Outcome
 from tests.search.flights import Fly, FlyAll, flying
 from tests.search.flown_file import Flown, FlownFile
-from tests.search.niche_search import Scored, next_generation
+from tests.search.niche_search import next_generation
 from tests.search.scenario import Scenario
+from tests.search.scored import Scored
 from tests.search.surprise import surprises
 
 GENERATION = 20

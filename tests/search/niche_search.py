@@ -7,21 +7,18 @@ those of the least score, those that answered latest, and those that answered la
 (`surprise.py`): what is answered late while nothing is near becomes unsafe by one more change. Niches that
 lately became better are drawn from more often, and half of what is drawn has no fault. Nearly half of all
 flights vary the most surprising by each part of the response, in a few parameters: among so many niches they
-would come seldom. Who comes down beside the point is safe there unless something stands in this place: half
-of the variations put it there.
+would come seldom. A vehicle that comes down beside the point is safe there unless something stands in this
+place: half of the variations put a hazard there.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
 
 from tests.search.scenario import (
-    DEFAULTS,
-    KINDS,
     SPACE,
     Choice,
     Range,
@@ -29,46 +26,23 @@ from tests.search.scenario import (
     acting,
     draw,
     is_angle,
+    is_default,
     rounded,
+    some_hazard,
     telling,
 )
-
-
-@dataclass(frozen=True, slots=True)
-class Scored:
-    """Flight as the search sees it; less is better of score, response (1: at once) and surprises.
-
-    surprises: by part of the response. missed: distance (m) and compass bearing from the ordered point to the
-    touchdown; None without one.
-    """
-
-    score: float
-    response: float
-    surprises: Mapping[str, float]
-    behaviour: str
-    scenario: Scenario
-    missed: tuple[float, float] | None = None
-
-    @property
-    def surprise(self) -> float:
-        return min(self.surprises.values(), default=0.0)
-
-
-def _is_default(scenario: Scenario, name: str) -> bool:
-    return bool(scenario.values[name] == DEFAULTS[name])
-
+from tests.search.scored import Scored
+from tests.search.surprising import Surprising
 
 Niche = Callable[[str, Scenario], Hashable]
 NICHES: tuple[Niche, ...] = (
-    lambda behaviour, scenario: (behaviour, _is_default(scenario, "fault"), _is_default(scenario, "hazard")),
+    lambda behaviour, scenario: (behaviour, is_default(scenario, "fault"), is_default(scenario, "hazard")),
     lambda _, scenario: scenario.values["fault"],
 )
 FIRST = 40  # flights before anything is learnt
 NEW_SHARE, SURPRISING_SHARE = 0.35, 0.45  # drawn anew; varies the most surprising
 ELITE = 2  # of a niche, by score, response and surprise each
-MOST = 4  # surprising by each part of the response, with a fault and without
 LATELY, MORE_OFTEN = 60, 20.0  # flights ago; weight of a niche that became better since
-LEAST_SURPRISE = 1.0  # for a weight
 PLAIN_SHARE = 0.5  # of those drawn: without a fault, which makes answers late by itself
 MISSED_M, TO_MEET_SHARE = 1.0, 0.5  # touchdowns so far from the point get a hazard there, so often
 CHANGES, FEW_CHANGES = (1, 4), (1, 2)  # parameters that are drawn again; of what surprises
@@ -79,44 +53,8 @@ def next_generation(rng: np.random.Generator, flown: Sequence[Scored], count: in
     """Return the scenarios to fly next; none is like those before while too few are flown."""
     if len(flown) < FIRST:
         return [telling(rng) for _ in range(count)]
-    kinds, surprising = [_Elites(flown, niche) for niche in NICHES], _Surprising(flown)
+    kinds, surprising = [_Elites(flown, niche) for niche in NICHES], Surprising(flown)
     return [_one(rng, kinds[int(rng.integers(len(kinds)))], surprising) for _ in range(count)]
-
-
-class _Surprising:
-    """Most surprising flights by each part of the response, with a fault and without, no two alike."""
-
-    def __init__(self, flown: Sequence[Scored]) -> None:
-        groups: dict[tuple[str, bool], list[Scored]] = {}
-        for one in flown:
-            for part in one.surprises:
-                groups.setdefault((part, _is_default(one.scenario, "fault")), []).append(one)
-        self._best, surprises = [], []
-        for part, is_plain in sorted(groups):
-            ranked = sorted(groups[part, is_plain], key=lambda one: one.surprises[part])
-            found = _unlike(ranked, MOST)
-            self._best += found
-            surprises += [one.surprises[part] for one in found]
-        self._weights = np.maximum(LEAST_SURPRISE, -np.array(surprises)) ** 2
-
-    def drawn(self, rng: np.random.Generator) -> Scored | None:
-        """Return one of them, which comes as often as the square of its surprise; None without any."""
-        if not self._best:
-            return None
-        return self._best[int(rng.choice(len(self._best), p=self._weights / self._weights.sum()))]
-
-
-def _unlike(ranked: Sequence[Scored], most: int) -> list[Scored]:
-    """Return the first of a sequence, each with most numbers other than those of all before."""
-    found: list[Scored] = []
-    for one in ranked:
-        if len(found) < most and not any(_alike(one.scenario, other.scenario) for other in found):
-            found.append(one)
-    return found
-
-
-def _alike(one: Scenario, other: Scenario) -> bool:
-    return sum(one.values[name] == other.values[name] for name in SPACE) > len(SPACE) / 2
 
 
 class _Elites:
@@ -138,7 +76,7 @@ class _Elites:
         lately = [max(each) >= len(flown) - LATELY for each in best]
         weights = np.where(lately, MORE_OFTEN, 1.0)
         self._best = [[flown[number] for number in each] for each in best]
-        plain = np.array([_is_default(one[0].scenario, "fault") for one in self._best])
+        plain = np.array([is_default(one[0].scenario, "fault") for one in self._best])
         for part, share in ((plain, PLAIN_SHARE), (~plain, 1.0 - PLAIN_SHARE)):
             weights[part] *= share / max(1.0, weights[part].sum())
         self._shares = weights / weights.sum()
@@ -148,7 +86,7 @@ class _Elites:
         return best[int(rng.integers(len(best)))]
 
 
-def _one(rng: np.random.Generator, elites: _Elites, surprising: _Surprising) -> Scenario:
+def _one(rng: np.random.Generator, elites: _Elites, surprising: Surprising) -> Scenario:
     kind = rng.random()
     if kind < NEW_SHARE:
         return telling(rng)
@@ -166,8 +104,8 @@ def _varied(rng: np.random.Generator, best: Scored, changes: tuple[int, int]) ->
 def _met(rng: np.random.Generator, scenario: Scenario, missed_m: float, missed_deg: float) -> Scenario:
     """Return a scenario with a hazard about where the vehicle came down."""
     values = dict(scenario.values)
-    if _is_default(scenario, "hazard"):
-        values["hazard"] = KINDS[1 + int(rng.integers(len(KINDS) - 1))]
+    if is_default(scenario, "hazard"):
+        values["hazard"] = some_hazard(rng)
     for name, value in (("hazard_aside_m", missed_m), ("hazard_aside_deg", missed_deg)):
         part = SPACE[name]
         assert isinstance(part, Range)

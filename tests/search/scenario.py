@@ -123,6 +123,11 @@ class Scenario:
         return Scenario({**self.values, name: value})
 
 
+def is_default(scenario: Scenario, name: str) -> bool:
+    """Return whether a parameter is at its default: for fault and hazard, that there is none."""
+    return bool(scenario.values[name] == DEFAULTS[name])
+
+
 def is_angle(name: str) -> bool:
     """Return whether a parameter wraps around."""
     return name.endswith("_deg")
@@ -130,7 +135,7 @@ def is_angle(name: str) -> bool:
 
 def acting(scenario: Scenario) -> list[str]:
     """Return the names of the parameters that change the flight: not those of a fault or hazard of none."""
-    idle = [f"{kind}_" for kind in ("fault", "hazard") if scenario.values[kind] == DEFAULTS[kind]]
+    idle = [f"{kind}_" for kind in ("fault", "hazard") if is_default(scenario, kind)]
     if scenario.values["hazard"] == "post":
         idle.append("hazard_size_m")
     return [name for name in SPACE if not name.startswith(tuple(idle))]
@@ -145,7 +150,7 @@ def one_trouble(rng: np.random.Generator) -> Scenario:
     """Draw every parameter evenly, but of fault and hazard at most one."""
     scenario = uniform(rng)
     spared = "fault" if rng.random() < 0.5 else "hazard"
-    troubled = all(scenario.values[name] != DEFAULTS[name] for name in ("fault", "hazard"))
+    troubled = not any(is_default(scenario, name) for name in ("fault", "hazard"))
     return scenario.replaced(spared, DEFAULTS[spared]) if troubled else scenario
 
 
@@ -163,8 +168,13 @@ def telling(rng: np.random.Generator) -> Scenario:
         return scenario.replaced("fault", DEFAULTS["fault"]).replaced("hazard", DEFAULTS["hazard"])
     if kind < 9:
         scenario = scenario.replaced("fault", DEFAULTS["fault"])
-        return scenario.replaced("hazard", KINDS[1 + int(rng.integers(len(KINDS) - 1))])
+        return scenario.replaced("hazard", some_hazard(rng))
     return scenario.replaced("fault", "lidar_stop") if kind < 12 else scenario
+
+
+def some_hazard(rng: np.random.Generator) -> str:
+    """Draw a kind of hazard that is not none."""
+    return KINDS[1 + int(rng.integers(len(KINDS) - 1))]
 
 
 def draw(part: Range | Choice, rng: np.random.Generator) -> Value:

@@ -19,7 +19,7 @@ from tests.search.equality import figures
 from tests.search.flight import Outcome
 from tests.search.flown_file import InputError
 from tests.search.hunt import GENERATION, Hunt
-from tests.search.niche_search import FIRST, Scored, next_generation
+from tests.search.niche_search import FIRST, next_generation
 from tests.search.scenario import (
     DEFAULTS,
     FAULTS,
@@ -32,6 +32,7 @@ from tests.search.scenario import (
     telling,
     uniform,
 )
+from tests.search.scored import Scored
 from tests.search.shrink import shrink
 from tests.search.surprise import surprises
 from tests.search.weaknesses import turn_deg
