@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.search import counts, equality
-from tests.search.flight import TAKEN, fly
+from tests.search.flight import TAKEN, UNSAFE, fly
 from tests.search.flown_file import InputError, read_object
 from tests.search.hunt import Hunt, is_failure
 from tests.search.scenario import Scenario, one_trouble, read, uniform
@@ -34,8 +34,8 @@ from tests.search.weaknesses import WEAKNESSES, all_at_once
 def main() -> None:
     """Run one command.
 
-    Exit code 1: the program as it is was found unsafe, a weakness was not found, an outcome is not equal, or
-    the replayed flight is unsafe. 2: an option or file cannot be used.
+    Exit code 1: the program as it is was found unsafe, a weakness was not found, or was found by evenly drawn
+    flights, an outcome is not equal, or the replayed flight is unsafe. 2: an option or file cannot be used.
     """
     own = _arguments()
     logging.disable(logging.CRITICAL)
@@ -152,9 +152,17 @@ def _count(own: argparse.Namespace) -> int:
         uniform if own.planted else one_trouble,
         own.jobs,
     )
-    if not own.planted:
-        (own.out / "counts.json").write_text(json.dumps(counts.evidence(found)) + "\n", "utf-8")
-    print(json.dumps({name: found[name] for name in ("landings", "ends", "least_margin", "cpu_s")}))
+    line = {name: found[name] for name in ("landings", "ends", "least_margin", "cpu_s")}
+    if own.planted:
+        line["by_a_weakness"] = [
+            one["number"]
+            for one in found["unsafe"]
+            if one["end"] == UNSAFE and not fly(Scenario.of(**one["scenario"])).unsafe
+        ]
+        print(json.dumps(line))
+        return int(bool(line["by_a_weakness"]))
+    (own.out / "counts.json").write_text(json.dumps(counts.evidence(found)) + "\n", "utf-8")
+    print(json.dumps(line))
     return int(found["ends"]["unsafe"] > 0)
 
 

@@ -128,7 +128,7 @@ def between_heights(m: Moment) -> float:
 
 def stale_evidence(m: Moment) -> float:
     """The age of the evidence is ignored in the autopilot's landing, when the LiDAR is lost at 3.8 m."""
-    share = fading((m.height_m - 3.8) / 0.8, (m.wind_ms - 4.0) / 2.0, turn_deg(m.heading_deg, 90.0) / 60.0)
+    share = fading((m.height_m - 3.8) / 0.4, (m.wind_ms - 4.0) / 0.8, turn_deg(m.heading_deg, 90.0) / 20.0)
     return share if m.lost else 0.0
 
 
