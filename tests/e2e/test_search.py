@@ -1,11 +1,12 @@
 """Flights of the rare-event search; all of it: `python -m tests.search`."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
 from tests.search.flight import fly
-from tests.search.scenario import Scenario
+from tests.search.scenario import Scenario, read
 from tests.search.weaknesses import WEAKNESSES
 
 WIND = {"wind_ms": 6.5, "wind_from_deg": 200.0}
@@ -20,6 +21,15 @@ def test_a_planted_weakness_lands_on_what_the_program_avoids() -> None:
     landed = fly(scenario, weakness=WEAKNESSES["crosswind"])
     assert landed.end == "unsafe"
     assert landed.parts["hazard"] <= 0.01
+
+
+@pytest.mark.bench
+@pytest.mark.parametrize("name", WEAKNESSES)
+def test_the_least_that_a_weakness_needs_is_unsafe_by_it_alone(name: str) -> None:
+    """Kept failures of `plant`, each at its edge: a changed program may be safe there."""
+    scenario = read(Path(__file__).parents[1] / "search" / "found" / f"{name}.json")
+    assert fly(scenario, weakness=WEAKNESSES[name]).unsafe
+    assert not fly(scenario).unsafe
 
 
 @pytest.mark.bench

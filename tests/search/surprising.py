@@ -1,4 +1,4 @@
-"""Most surprising flights, which are varied most."""
+"""Most surprising flights, which are varied most, each family less often the more of it were flown."""
 
 from __future__ import annotations
 
@@ -6,44 +6,66 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from tests.search.scenario import SPACE, Scenario, is_default
+from tests.search.scenario import SPACE, Choice, Scenario, is_default
 from tests.search.scored import Scored
 
-MOST = 4  # by each part of the response, with a fault and without
+MOST = 4  # families by each part of the response, with a fault and without
 LEAST_SURPRISE = 1.0  # for a weight
+RELATED = 4  # equal numbers: drawn apart, flights have none
+PATIENCE = 40.0  # flights of a family after which it comes half as often
 
 
 class Surprising:
-    """Most surprising flights by each part of the response, with a fault and without, no two alike."""
+    """Most surprising flight of each family, by each part of the response, with a fault and without.
+
+    A family are the flights that vary one another. What the sensor shows late by its nature stays surprising
+    however often it is varied, and would take all flights; so its share sinks with its size.
+    """
 
     def __init__(self, flown: Sequence[Scored]) -> None:
-        groups: dict[tuple[str, bool], list[Scored]] = {}
-        for one in flown:
+        numbers = np.array([_numbers(one.scenario) for one in flown])
+        groups: dict[tuple[str, bool], list[int]] = {}
+        for row, one in enumerate(flown):
             for part in one.surprises:
-                groups.setdefault((part, is_default(one.scenario, "fault")), []).append(one)
-        self._best, surprises = [], []
+                groups.setdefault((part, is_default(one.scenario, "fault")), []).append(row)
+        self._best: list[Scored] = []
+        weights = []
         for part, is_plain in sorted(groups):
-            ranked = sorted(groups[part, is_plain], key=lambda one: one.surprises[part])
-            found = _unlike(ranked, MOST)
-            self._best += found
-            surprises += [one.surprises[part] for one in found]
-        self._weights = np.maximum(LEAST_SURPRISE, -np.array(surprises)) ** 2
+            ranked = sorted(groups[part, is_plain], key=lambda row: flown[row].surprises[part])
+            for row in _unrelated(numbers, ranked, MOST):
+                size = int(_related(numbers, row).sum())
+                surprise = max(LEAST_SURPRISE, -flown[row].surprises[part])
+                self._best.append(flown[row])
+                weights.append(surprise**2 / (1.0 + size / PATIENCE))
+        self._weights = np.array(weights)
 
     def drawn(self, rng: np.random.Generator) -> Scored | None:
-        """Return one of them, which comes as often as the square of its surprise; None without any."""
+        """Return one of them, by the square of its surprise and the size of its family; None without any."""
         if not self._best:
             return None
         return self._best[int(rng.choice(len(self._best), p=self._weights / self._weights.sum()))]
 
 
-def _unlike(ranked: Sequence[Scored], most: int) -> list[Scored]:
-    """Return the first of a sequence, each with most numbers other than those of all before."""
-    found: list[Scored] = []
-    for one in ranked:
-        if len(found) < most and not any(_alike(one.scenario, other.scenario) for other in found):
-            found.append(one)
+def _numbers(scenario: Scenario) -> list[float]:
+    return [
+        scenario.number(name)
+        for name, part in SPACE.items()
+        if not isinstance(part, Choice) and not part.whole
+    ]
+
+
+def _related(numbers: np.ndarray, row: int) -> np.ndarray:
+    """Return which flights are of the family of one: as (flights,) of bool."""
+    related: np.ndarray = (numbers == numbers[row]).sum(axis=1) >= RELATED
+    return related
+
+
+def _unrelated(numbers: np.ndarray, ranked: Sequence[int], most: int) -> list[int]:
+    """Return the first of a sequence of rows, each of another family than all before."""
+    found: list[int] = []
+    taken = np.zeros(len(numbers), bool)
+    for row in ranked:
+        if len(found) < most and not taken[row]:
+            found.append(row)
+            taken |= _related(numbers, row)
     return found
-
-
-def _alike(one: Scenario, other: Scenario) -> bool:
-    return sum(one.values[name] == other.values[name] for name in SPACE) > len(SPACE) / 2
