@@ -39,10 +39,10 @@ def turn_deg(value_deg: float, peak_deg: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Moment:
-    """What the decisions see when something comes: heights, wind and angles.
+    """What the decisions see when something comes: heights, wind and angles; and delays, of the scenario.
 
     height_m: of the vehicle over the point. tall_m: of what came, over the ground. bearing_deg: from
-    the point to what came, compass. age_s: of the newest report.
+    the point to what came, compass. late_s: of every computed window. delay_s: of every message.
     """
 
     height_m: float
@@ -51,7 +51,8 @@ class Moment:
     heading_deg: float
     tall_m: float
     bearing_deg: float
-    age_s: float
+    late_s: float
+    delay_s: float
     lost: bool
 
 
@@ -74,7 +75,8 @@ def moment(flight: SearchFlight, s: Situation) -> Moment:
         heading_deg=math.degrees(s.heading_rad or 0.0) % 360.0,
         tall_m=tall,
         bearing_deg=bearing,
-        age_s=0.0 if s.report is None else (s.now_ns - s.report.stamp_ns) * 1e-9,
+        late_s=flight.scenario.number("late_s"),
+        delay_s=flight.scenario.number("link_delay_s"),
         lost=not s.lidar_ok,
     )
 
@@ -133,23 +135,22 @@ def stale_evidence(m: Moment) -> float:
 
 
 def late_computer(m: Moment) -> float:
-    """A slow computer and wind from the north-west together let what comes be ignored."""
-    return fading((m.age_s - 1.1) / 0.1, turn_deg(m.wind_from_deg, 315.0) / 15.0, (m.wind_ms - 5.0) / 0.7)
+    """A computer late by about 0.6 s and wind from the north-west together let what comes be ignored."""
+    return fading((m.late_s - 0.6) / 0.06, turn_deg(m.wind_from_deg, 315.0) / 15.0, (m.wind_ms - 5.0) / 0.7)
 
 
-def clock_offset(m: Moment, delay_s: float) -> float:
+def clock_offset(m: Moment) -> float:
     """A link late by about 0.12 s, in a wind from the south, shifts position and landing target east."""
-    return fading((delay_s - 0.12) / 0.02, turn_deg(m.wind_from_deg, 180.0) / 15.0, (m.wind_ms - 5.0) / 0.7)
+    return fading((m.delay_s - 0.12) / 0.02, turn_deg(m.wind_from_deg, 180.0) / 15.0, (m.wind_ms - 5.0) / 0.7)
 
 
 @contextmanager
 def _shifted(flight: SearchFlight) -> Iterator[None]:
     companion = flight.companion
     true, execute = companion.situations.situation, companion.executive.step
-    delay_s = flight.scenario.number("link_delay_s")
 
     def shift_m(s: Situation) -> np.ndarray:
-        return np.array([SHIFT_M * clock_offset(moment(flight, s), delay_s), 0.0, 0.0])
+        return np.array([SHIFT_M * clock_offset(moment(flight, s)), 0.0, 0.0])
 
     def situation() -> Situation:
         s = true()

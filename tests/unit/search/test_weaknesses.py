@@ -22,11 +22,6 @@ class Point:
     state: PointState
 
 
-@dataclass(frozen=True)
-class Stamped:
-    stamp_ns: int
-
-
 SAFE, SOUTH = Point(PointState.SAFE), Wind(math.radians(200.0), 6.0, 7.0, "autopilot")
 
 
@@ -41,21 +36,20 @@ class Seen:
     lidar_ok: bool = True
     heading_rad: float = SOUTH.from_rad
     wind: Wind | None = SOUTH
-    report: Stamped | None = None
     position_enu_m: Any = None
 
 
 class Flight:
     """A flight without vehicle: its situations are given."""
 
-    def __init__(self, height_m: float = 4.0, link_delay_s: float = 0.0) -> None:
+    def __init__(self, height_m: float = 4.0, link_delay_s: float = 0.0, late_s: float = 0.6) -> None:
         self.seen = Seen()
         self.phase = Phase.FINAL
         aim = SimpleNamespace(height_left_m=height_m, enu_m=np.zeros(3))
         executive = SimpleNamespace(state=SimpleNamespace(aim=aim), step=lambda s: self.commands)
         situations = SimpleNamespace(situation=lambda: self.seen)
         self.companion = SimpleNamespace(executive=executive, situations=situations)
-        self.scenario = Scenario.of(link_delay_s=link_delay_s)
+        self.scenario = Scenario.of(link_delay_s=link_delay_s, late_s=late_s)
         self.commands: Any = None
 
     def see(self, **more: Any) -> Any:
@@ -79,7 +73,7 @@ def hidden_s(weakness: Any, flight: Flight, **came: Any) -> float:
         came = CAME | came
         for tenth in range(60):
             now_ns = tenth * 100_000_000
-            s = flight.see(now_ns=now_ns, report=Stamped(now_ns - 1_100_000_000), **came)
+            s = flight.see(now_ns=now_ns, **came)
             if s.selected is None or s.selected.state is not PointState.SAFE or not s.lidar_ok:
                 return tenth * 0.1
     return 6.0
@@ -109,6 +103,11 @@ def test_what_comes_is_hidden_where_the_conditions_meet(
 ) -> None:
     assert 1.7 < hidden_s(WEAKNESSES[name], Flight(height_m), **there) < 3.4
     assert hidden_s(WEAKNESSES[name], Flight(height_m), **elsewhere) < 1.2
+
+
+def test_a_computer_in_time_hides_nothing() -> None:
+    wind = Wind(math.radians(315.0), 5.0, 6.0, "tilt")
+    assert hidden_s(WEAKNESSES["late_computer"], Flight(late_s=0.4), wind=wind) == 0.0
 
 
 def test_what_moves_is_hidden_only_where_the_weakness_is() -> None:
