@@ -108,7 +108,7 @@ def _plant(own: argparse.Namespace) -> int:
             partial(fly, weakness=WEAKNESSES[name]),
             own.seed,
             own.jobs,
-            confirm=lambda scenario: not fly(scenario).unsafe,
+            confirm=_is_safe_without,
         )
         found = hunt.run(own.landings)
         line: dict[str, Any] = {"weakness": name, "found": bool(found), "landings": len(hunt.flown)}
@@ -122,6 +122,11 @@ def _plant(own: argparse.Namespace) -> int:
     return int(bool(missed))
 
 
+def _is_safe_without(scenario: Scenario) -> bool:
+    """Return whether the program as it is flies a scenario safely, so that a weakness makes it unsafe."""
+    return not fly(scenario).unsafe
+
+
 def _keep(own: argparse.Namespace, scenario: Scenario, name: str, weakness: str | None) -> Scenario:
     """Shrink a failure and write it, once; return the minimal scenario."""
     path = own.out / "failures" / f"{name}.json"
@@ -131,7 +136,7 @@ def _keep(own: argparse.Namespace, scenario: Scenario, name: str, weakness: str 
 
     def fails(one: Scenario) -> bool:
         outcome = fly(one, weakness=planted)
-        return outcome.unsafe and outcome.end != TAKEN and (planted is None or not fly(one).unsafe)
+        return outcome.unsafe and outcome.end != TAKEN and (planted is None or _is_safe_without(one))
 
     minimal = shrink(scenario, fails, own.flights_to_shrink)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -157,7 +162,7 @@ def _count(own: argparse.Namespace) -> int:
         line["by_a_weakness"] = [
             one["number"]
             for one in found["unsafe"]
-            if one["end"] == UNSAFE and not fly(Scenario.of(**one["scenario"])).unsafe
+            if one["end"] == UNSAFE and _is_safe_without(Scenario.of(**one["scenario"]))
         ]
         print(json.dumps(line))
         return int(bool(line["by_a_weakness"]))

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from itertools import islice
 
 import numpy as np
 
@@ -32,8 +33,7 @@ class Surprising:
         weights = []
         for part, is_plain in sorted(groups):
             ranked = sorted(groups[part, is_plain], key=lambda row: flown[row].surprises[part])
-            for row in _unrelated(numbers, ranked, MOST):
-                size = int(_related(numbers, row).sum())
+            for row, size in islice(_families(numbers, ranked), MOST):
                 surprise = max(LEAST_SURPRISE, -flown[row].surprises[part])
                 self._best.append(flown[row])
                 weights.append(surprise**2 / (1.0 + size / PATIENCE))
@@ -54,18 +54,11 @@ def _numbers(scenario: Scenario) -> list[float]:
     ]
 
 
-def _related(numbers: np.ndarray, row: int) -> np.ndarray:
-    """Return which flights are of the family of one: as (flights,) of bool."""
-    related: np.ndarray = (numbers == numbers[row]).sum(axis=1) >= RELATED
-    return related
-
-
-def _unrelated(numbers: np.ndarray, ranked: Sequence[int], most: int) -> list[int]:
-    """Return the first of a sequence of rows, each of another family than all before."""
-    found: list[int] = []
+def _families(numbers: np.ndarray, ranked: Sequence[int]) -> Iterator[tuple[int, int]]:
+    """Yield the first of each family in a sequence of rows, and how many flights the family has."""
     taken = np.zeros(len(numbers), bool)
     for row in ranked:
-        if len(found) < most and not taken[row]:
-            found.append(row)
-            taken |= _related(numbers, row)
-    return found
+        if not taken[row]:
+            family = (numbers == numbers[row]).sum(axis=1) >= RELATED
+            taken |= family
+            yield row, int(family.sum())
