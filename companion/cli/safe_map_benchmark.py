@@ -32,15 +32,16 @@ def benchmark(
     crs: Annotated[str | None, typer.Option(help="CRS of --laz files that name none.")] = None,
     export: Annotated[bool, typer.Option("--export", help="Write clouds, poses and truth to --out.")] = False,
     cloud_format: Annotated[
-        str, typer.Option("--format", metavar="laz|pcd", help="Of exported clouds.")
-    ] = "laz",
+        str | None, typer.Option("--format", metavar="laz|pcd", help="Of exported clouds (laz).")
+    ] = None,
     score: Annotated[
         Path | None, typer.Option(help="Score this safe map (.tif) or these zones (.geojson) on --scene.")
     ] = None,
     scene: Annotated[list[str], typer.Option(help="Name of the scene that --score is of.")] = [],  # noqa: B006
     safe_from: Annotated[
-        float, typer.Option(help="Least probability that --score calls safe, above 0 and at most 1.")
-    ] = 0.5,
+        float | None,
+        typer.Option(help="Least probability that --score FILE.tif calls safe, above 0 and at most 1 (0.5)."),
+    ] = None,
     names: Annotated[bool, typer.Option("--list", help="Name scenes and methods.")] = False,
     as_json: Json = False,
     verbose: Verbose = False,
@@ -55,12 +56,19 @@ def benchmark(
     choice = benchmark_run.BenchmarkChoice(
         tuple(method), tuple(method_file), tuple(only), densities, tuple(scenes), tuple(laz), crs
     )
+    own = {"--method": method, "--method-file": method_file}
+    chosen = {"--only": only, "--density": density}
+    others = {"--scenes": scenes, "--laz": laz, "--crs": crs}
+    of_export = {"--export": export, "--format": cloud_format}
+    of_score = {"--score": score, "--scene": scene, "--safe-from": safe_from}
     if names:
+        _refuse("--list", {"--out": out, **own, **chosen, **others, **of_export, **of_score})
         _show_names(as_json)
         return
-    own = {"--method": method, "--method-file": method_file}
+    if crs is not None and not laz:
+        raise UsageError("--crs goes with --laz FILE: other scenes name their CRS themselves")
     if score is not None:
-        _refuse("--score", {"--out": out, "--export": export, **own, "--only": only, "--density": density})
+        _refuse("--score", {"--out": out, **of_export, **own, **chosen})
         if len(scene) != 1:
             told = "one --scene NAME" if scene else "--scene NAME"
             raise UsageError(f"--score FILE goes with {told}: slz benchmark --list names the scenes")
@@ -68,20 +76,26 @@ def benchmark(
         return
     if scene:
         raise UsageError("--scene NAME goes with --score FILE: --only WORD chooses scenes of a run")
+    if safe_from is not None:
+        raise UsageError("--safe-from goes with --score FILE: a method of a run sets its own limit")
     if out is None:
         raise UsageError("--out DIR is needed: the folder of the leaderboard, or of --export")
-    if cloud_format not in CLOUD_FORMATS:
+    if density and (scenes or laz) and not only:
+        raise UsageError("--density is of the frozen scenes: --scenes and --laz have flights of their own")
+    if cloud_format not in (None, *CLOUD_FORMATS):
         raise UsageError(f"--format {cloud_format!r}: use laz or pcd")
     if export:
         _refuse("--export", own)
         with progress(as_json) as step:
-            written = benchmark_run.export(out, step, choice, cloud_format)
+            written = benchmark_run.export(out, step, choice, cloud_format or CLOUD_FORMATS[0])
         n = len(written["scenes"])
         line = f"{n} scene{'' if n == 1 else 's'}, {written['files']} files in {out}"
         if written["not_as_frozen"]:
             line += f"; not as frozen on this machine: {', '.join(written['not_as_frozen'])}"
         _say(written, as_json, line)
         return
+    if cloud_format is not None:
+        raise UsageError("--format goes with --export: a run of methods writes no clouds")
     set_up_logging(verbose)
     with progress(as_json) as step:
         summary = benchmark_run.run(out, step, choice)
@@ -90,7 +104,7 @@ def benchmark(
 
 def _refuse(command: str, others: dict[str, object]) -> None:
     """Refuse options that a command would ignore."""
-    given = [name for name, value in others.items() if value]
+    given = [name for name, value in others.items() if not (value is None or value is False or value == [])]
     if given:
         raise UsageError(f"{command} does not go with {' and '.join(given)}: run slz benchmark twice")
 

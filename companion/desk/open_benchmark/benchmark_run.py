@@ -214,9 +214,10 @@ def export(out: Path, progress: Progress, choice: BenchmarkChoice, cloud_format:
     }
 
 
-def score_file(path: Path, name: str, choice: BenchmarkChoice, safe_from: float) -> dict[str, Any]:
+def score_file(path: Path, name: str, choice: BenchmarkChoice, safe_from: float | None) -> dict[str, Any]:
     """Score one map or file of zones against one scene, and return its figures.
 
+    A scene of the chosen folders and classified files comes before a frozen one of the same name.
     `as_frozen` is whether closed form and truth are those of the manifest, None for other scenes.
 
     Raises
@@ -230,15 +231,15 @@ def score_file(path: Path, name: str, choice: BenchmarkChoice, safe_from: float)
 
 
 def _named(name: str, choice: BenchmarkChoice) -> BenchmarkCase:
-    if name in frozen_names():
-        wanted = [scene for scene in chosen_scenes((name,)) if scene.name == name]
-        return next(frozen_cases(wanted, ()))
     for folder in (found for place in choice.folders for found in _scene_folders(place)):
         if folder.name == name:
             return read_case(folder, with_flights=False)
     for path in choice.classified:
         if path.stem == name:
             return classified_case(path, choice.crs)
+    if name in frozen_names():
+        wanted = [scene for scene in chosen_scenes((name,)) if scene.name == name]
+        return next(frozen_cases(wanted, ()))
     raise UsageError(f"no scene is named {name!r}: slz benchmark --list names them all")
 
 

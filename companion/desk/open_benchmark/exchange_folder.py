@@ -8,7 +8,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import laspy
@@ -113,6 +113,8 @@ def read_case(folder: Path, with_flights: bool = True) -> BenchmarkCase:
         flights: Mapping[str, str] = document["flights"]
         for given in (name, *flights):
             _check_name(given, str(folder / SCENE_FILE))
+        for cloud in flights.values():
+            _check_inside(cloud, folder / SCENE_FILE)
         task = _task(document["task"], folder / SCENE_FILE)
         lat, lon, alt = (float(document["origin"][key]) for key in ("lat_deg", "lon_deg", "alt_m"))
         if not (abs(lat) <= 90 and abs(lon) <= 180 and math.isfinite(alt)):
@@ -146,6 +148,13 @@ def _check_name(name: str, where: str) -> None:
             f"{where}: the name {name[:60]!r} cannot be that of a folder: use letters, digits, -, _ and .,"
             " no . first"
         )
+
+
+def _check_inside(cloud: str, file: Path) -> None:
+    """Refuse a flight's cloud outside the scene's folder, for a scene is read from its folder alone."""
+    path = PurePosixPath(cloud)
+    if path.is_absolute() or ".." in path.parts:
+        raise UsageError(f"{file}: the cloud {cloud[:60]!r} of a flight must be inside the scene's folder")
 
 
 def _task(values: Mapping[str, Any], file: Path) -> LandingTask:

@@ -21,18 +21,19 @@ from companion.desk.open_benchmark.landing_task import F64, SAFE, UNKNOWN, UNSAF
 from companion.runtime.errors import UsageError
 
 WGS84 = CRS.from_epsg(4326)
+SAFE_FROM = 0.5
 LEAST_COVER = 0.5
 """Share of the judged cells that a map must cover, so that nothing is scored by what it leaves out."""
 
 
-def read_safe_map(path: Path, case: BenchmarkCase, safe_from: float = 0.5) -> SafeMap:
+def read_safe_map(path: Path, case: BenchmarkCase, safe_from: float | None = None) -> SafeMap:
     """Read a GeoTIFF or GeoJSON by its suffix.
 
     Parameters
     ----------
     safe_from
         Least probability of a cell that is called safe, for maps of probabilities: above 0, at most 1,
-        compared in float32.
+        compared in float32; `SAFE_FROM` if None. Zones have none.
 
     Raises
     ------
@@ -40,7 +41,7 @@ def read_safe_map(path: Path, case: BenchmarkCase, safe_from: float = 0.5) -> Sa
         The file is missing or of no known kind, cannot be read, is empty, has no CRS or one that cannot be
         converted, lies elsewhere, covers too little, or has values that mean nothing; or safe_from is none.
     """
-    if not 0 < np.float32(safe_from) <= 1:
+    if safe_from is not None and not 0 < np.float32(safe_from) <= 1:
         raise UsageError(f"--safe-from {safe_from:g}: a probability above 0, at most 1, is needed")
     if not path.is_file():
         raise UsageError(f"{path}: there is no such file")
@@ -48,8 +49,10 @@ def read_safe_map(path: Path, case: BenchmarkCase, safe_from: float = 0.5) -> Sa
         raise UsageError(f"{path}: it is empty")
     kind = path.suffix.lower()
     if kind in (".tif", ".tiff"):
-        return read_raster(path, case, safe_from)
+        return read_raster(path, case, SAFE_FROM if safe_from is None else safe_from)
     if kind in (".geojson", ".json"):
+        if safe_from is not None:
+            raise UsageError(f"--safe-from is of maps (.tif): the zones of {path} have no probabilities")
         return read_zones(path, case)
     raise UsageError(f"{path}: a safe map is a GeoTIFF (.tif), zones are GeoJSON (.geojson)")
 

@@ -82,6 +82,16 @@ def test_exported_truth_scores_as_perfect(
     assert re.search(r"unsafe called safe, wall\W+0\.0000", capsys.readouterr().out)
 
 
+def test_a_scene_of_a_folder_comes_before_the_frozen_one_of_its_name(
+    tmp_path: Path, scenes: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    shutil.move(scenes / "small", scenes / "yard")
+    shutil.copy(scenes / "yard" / "truth.tif", tmp_path / "mine.tif")
+    words = ["--score", tmp_path / "mine.tif", "--scene", "yard", "--scenes", scenes, "--json"]
+    assert ended(monkeypatch, *words) == 0
+    assert json.loads(capsys.readouterr().out)["as_frozen"] is None
+
+
 def test_a_frozen_scene_is_exported_with_its_truth(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
@@ -128,6 +138,16 @@ def test_scenes_and_methods_are_listed(monkeypatch: pytest.MonkeyPatch, capsys: 
         (["--out", "o", "--method", "magic"], "no method is named 'magic'"),
         (["--out", "o", "--only", "mars"], "no scene is named 'mars'"),
         (["--out", "o", "--format", "xyz"], "use laz or pcd"),
+        (["--out", "o", "--format", "laz"], "--format goes with --export"),
+        (["--score", "a.tif", "--scene", "yard", "--format", "pcd"], "--score does not go with --format"),
+        (
+            ["--list", "--scenes", "here", "--safe-from", "0"],
+            "--list does not go with --scenes and --safe-from",
+        ),
+        (["--out", "o", "--crs", "EPSG:32633"], "--crs goes with --laz FILE"),
+        (["--score", "a.tif", "--scene", "yard", "--crs", "EPSG:32633"], "--crs goes with --laz FILE"),
+        (["--out", "o", "--safe-from", "0.9"], "--safe-from goes with --score FILE"),
+        (["--out", "o", "--density", "10", "--scenes", "here"], "--density is of the frozen scenes"),
         (["--out", "o", "--scenes", "none"], "holds no folder with a scene.json"),
     ],
 )

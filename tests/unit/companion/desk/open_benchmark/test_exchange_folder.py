@@ -107,6 +107,16 @@ def test_truths_of_other_values_are_refused(tmp_path: Path, name: str, value: in
         read_case(tmp_path / "small")
 
 
+@pytest.mark.parametrize("cloud", ["../other/points.laz", "/data/points.laz", "2/../../points.laz"])
+def test_clouds_outside_the_folder_are_refused(tmp_path: Path, cloud: str) -> None:
+    write_case(case_of(SAFE), tmp_path)
+    file = tmp_path / "small" / "scene.json"
+    document = json.loads(file.read_text("utf-8"))
+    file.write_text(json.dumps(document | {"flights": {"2": cloud}}), "utf-8")
+    with pytest.raises(UsageError, match=r"scene\.json: the cloud .* must be inside the scene's folder"):
+        read_case(tmp_path / "small")
+
+
 @pytest.mark.parametrize("form", ["laz", "pcd"])
 def test_truncated_clouds_are_one_line(tmp_path: Path, form: str) -> None:
     write_case(case_of(SAFE), tmp_path, form)

@@ -168,6 +168,8 @@ def test_cells_inside_zones_are_safe_and_holes_are_not(tmp_path: Path) -> None:
     expected = np.ones((3, 4), np.uint8)
     expected[1, 1] = 0
     assert np.array_equal(read(path).state, expected)
+    with pytest.raises(UsageError, match="have no probabilities"):
+        read_safe_map(path, CASE, safe_from=0.5)
 
 
 @pytest.mark.parametrize(
