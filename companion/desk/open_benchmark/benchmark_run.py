@@ -251,15 +251,14 @@ def _scene_folders(folder: Path) -> list[Path]:
 
 
 def _read_only(returns: FlownReturns) -> FlownReturns:
-    """Return a copy that no method can change, so that every method judges the same returns."""
+    """Return a copy that a method cannot change, so that every method judges the same returns."""
     arrays = (returns.points_m, returns.stamp_s, returns.window, returns.sensors_m)
     return FlownReturns(*(_locked(values) for values in arrays))
 
 
 def _locked(values: NDArray[Any]) -> NDArray[Any]:
-    own = values.copy()
-    own.setflags(write=False)
-    return own.view()  # a view of a locked array cannot be unlocked
+    """Return a copy in bytes, which cannot be made writable."""
+    return np.frombuffer(values.tobytes(), values.dtype).reshape(values.shape)
 
 
 def _judged(method: LandingMethod, returns: FlownReturns, task: LandingTask, place: str) -> SafeMap:
@@ -271,13 +270,13 @@ def _judged(method: LandingMethod, returns: FlownReturns, task: LandingTask, pla
         share = None if answer.limit_share is None else np.asarray(answer.limit_share, np.float32)
     except CompanionError:
         raise
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         raise CompanionError(f"method {method.name!r} {_failure(error)} ({place})") from error
     shape, whose = task.grid.shape, f"method {method.name!r}, {place}: its"
     if states.shape != shape or not np.isin(states, (0, 1, UNKNOWN)).all():
         raise CompanionError(f"{whose} states must be {shape} of 0, 1 and 255")
     if probability is not None:
-        known = probability[np.isfinite(probability)]
+        known = probability[~np.isnan(probability)]
         if probability.shape != shape or (len(known) and (known.min() < 0 or known.max() > 1)):
             raise CompanionError(f"{whose} probabilities must be {shape} of 0 to 1")
     if share is not None and (share.shape != shape or (share < 0).any()):
@@ -285,7 +284,7 @@ def _judged(method: LandingMethod, returns: FlownReturns, task: LandingTask, pla
     return SafeMap(states.astype(np.uint8), probability, share)
 
 
-def _failure(error: Exception) -> str:
+def _failure(error: Exception | SystemExit) -> str:
     """Return what failed, and the last line of the method's own file that led there."""
     line = " ".join(f"{type(error).__name__}: {error}".split())[:160]
     frames = traceback.extract_tb(error.__traceback__)[1:]  # without the call of `judge`

@@ -44,7 +44,7 @@ def method_of_file(path: Path) -> LandingMethod:
         raise UsageError(f"--method-file {path}: there is no such file")
     try:
         found: Any = runpy.run_path(str(path)).get("METHOD")
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         line = " ".join(f"{type(error).__name__}: {error}".split())[:160]
         raise UsageError(f"--method-file {path}: it fails ({line})") from None
     named = isinstance(getattr(found, "name", None), str) and isinstance(getattr(found, "source", None), str)

@@ -169,9 +169,15 @@ def test_bad_requests_are_one_line(
         ("returns.points_m[:] = 0", "method 'm' changes its input at {file}:7, which is read-only"),
         ("returns.sensors_m.sort()", "method 'm' changes its input at {file}:7, which is read-only"),
         ("returns.points_m.flags.writeable = True", "method 'm' fails at {file}:7: ValueError"),
+        ("returns.points_m.base.flags.writeable = True", "method 'm' fails at {file}:7"),
+        ("raise SystemExit", "method 'm' fails at {file}:7: SystemExit"),
         ("return SafeMap(np.zeros((1, 1), np.uint8))", "its states must be"),
         ("return SafeMap(np.full(task.grid.shape, 7, np.uint8))", "of 0, 1 and 255"),
         ("return SafeMap(np.zeros(task.grid.shape, np.uint8), np.full(task.grid.shape, 2.0))", "of 0 to 1"),
+        (
+            "return SafeMap(np.zeros(task.grid.shape, np.uint8), np.full(task.grid.shape, np.inf))",
+            "of 0 to 1",
+        ),
     ],
 )
 def test_methods_that_fail_end_with_one_line(
@@ -188,6 +194,14 @@ def test_methods_that_fail_end_with_one_line(
     said = capsys.readouterr().err
     assert complaint.format(file=tmp_path / "m.py") in said
     assert said.count("\n") == 1
+
+
+def test_a_method_file_that_ends_the_program_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    (tmp_path / "m.py").write_text("import sys\nsys.exit(0)\n", "utf-8")
+    assert ended(monkeypatch, "--method-file", tmp_path / "m.py", "--out", tmp_path / "out") == 2
+    assert "m.py: it fails (SystemExit: 0)" in capsys.readouterr().err
 
 
 def figures(missed: float, found: float, ms: float) -> dict[str, object]:

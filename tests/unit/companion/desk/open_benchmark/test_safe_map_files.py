@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pyproj import Transformer
 from rasterio import Affine
+from rasterio.windows import Window
 
 from companion.desk.open_benchmark.benchmark_case import BenchmarkCase
 from companion.desk.open_benchmark.landing_task import SafeMap
@@ -23,6 +24,7 @@ from tests.unit.companion.desk.open_benchmark.flights_over import case_of
 SAFE = np.array([[0, 1, 1, 1], [0, 1, 1, 0], [1, 1, 255, 0]], np.uint8)  # row 0 in the south
 CASE = case_of(SAFE)
 CELL = 0.5
+SPARSE = {"tiled": True, "SPARSE_OK": True, "BIGTIFF": "YES"}
 LOCAL = CASE.crs.to_wkt()
 
 
@@ -147,6 +149,47 @@ def test_unusable_rasters_are_refused(tmp_path: Path, change: dict[str, Any], co
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("how", "complaint"),
+    [
+        ({"dtype": "complex64"}, "write whole numbers or floats"),
+        ({"transform": Affine(CELL, 0, -1.0, CELL, 0, 0.75)}, "its cells have no area"),
+        (
+            {"transform": Affine(1e-5, 0, -1.0, 0, -1e-5, 0.75), "width": 200_000, "height": 150_000},
+            "resample",
+        ),
+    ],
+)
+def test_rasters_that_are_no_map_of_values_are_refused(
+    tmp_path: Path, how: dict[str, Any], complaint: str
+) -> None:
+    place = {"crs": LOCAL, "transform": Affine(CELL, 0, -1.0, 0, -CELL, 0.75)}
+    size = {"width": 4, "height": 3, "count": 1, "dtype": "uint8"}
+    with rasterio.open(tmp_path / "a.tif", "w", driver="GTiff", **SPARSE, **(size | place | how)):
+        pass
+    with pytest.raises(UsageError, match=complaint):
+        read(tmp_path / "a.tif")
+
+
+def test_scaled_values_are_refused(tmp_path: Path) -> None:
+    path = write_raster(tmp_path / "a.tif", SAFE)
+    with rasterio.open(path, "r+") as file:
+        file.scales, file.offsets = (0.01,), (0.5,)
+    with pytest.raises(UsageError, match=r"scale 0\.01 and offset 0\.5"):
+        read(path)
+
+
+def test_of_a_map_of_a_country_only_the_scene_is_read(tmp_path: Path) -> None:
+    n = 60_000
+    place = {"crs": LOCAL, "transform": Affine(CELL, 0, -n * CELL / 2, 0, -CELL, n * CELL / 2)}
+    size = {"width": n, "height": n, "count": 1, "dtype": "float64"}
+    with rasterio.open(tmp_path / "a.tif", "w", driver="GTiff", **SPARSE, **size, **place) as file:
+        file.write(np.ones((1, 2, 2)), window=Window(n // 2, n // 2, 2, 2))  # south-east of the middle
+    corner = np.zeros((4, 4), np.uint8)
+    corner[:2, 2:] = 1
+    assert np.array_equal(read(tmp_path / "a.tif", case_of(np.ones((4, 4), np.uint8))).state, corner)
+
+
 def square(west: float, south: float, east: float, north: float) -> dict[str, Any]:
     """Return a zone given in the scene's metres, as RFC 7946 has it: longitude and latitude."""
     to_wgs84 = Transformer.from_crs(CASE.crs, "EPSG:4326", always_xy=True)
@@ -172,6 +215,25 @@ def test_cells_inside_zones_are_safe_and_holes_are_not(tmp_path: Path) -> None:
         read_safe_map(path, CASE, safe_from=0.5)
 
 
+def test_polygons_of_collections_are_zones(tmp_path: Path) -> None:
+    west, east = square(-1.0, -0.75, 0.0, 0.75), square(0.0, -0.75, 1.0, 0.75)
+    geometry = {
+        "type": "GeometryCollection",
+        "geometries": [east["geometry"], {"type": "Point", "coordinates": [8, 47]}],
+    }
+    deeper = {"type": "GeometryCollection", "geometries": [geometry]}
+    path = tmp_path / "zones.geojson"
+    path.write_text(collection(west, {"type": "Feature", "properties": {}, "geometry": deeper}), "utf-8")
+    assert (read(path).state == 1).all()
+
+
+def test_a_zone_of_the_whole_world_calls_every_cell_safe(tmp_path: Path) -> None:
+    ring = [[-180, -90], [180, -90], [180, 90], [-180, 90], [-180, -90]]
+    path = tmp_path / "zones.geojson"
+    path.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}), "utf-8")
+    assert (read(path).state == 1).all()
+
+
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
@@ -180,7 +242,10 @@ def test_cells_inside_zones_are_safe_and_holes_are_not(tmp_path: Path) -> None:
         ("[1, 2]", "no readable GeoJSON"),
         (collection(), "holds no polygon"),
         (collection(square(90, 90, 95, 95)), "does not overlap"),
+        (collection(square(0.0, 0.25, 0.5, 0.75)), "does not overlap"),  # its cell is not judged
         (collection(square(0, 0, 1, 1), crs={"properties": {"name": "EPSG:0"}}), "member crs is unknown"),
+        (collection(square(0, 0, 1, 1), crs={"properties": {"name": "EPSG:5773"}}), "no east and north"),
+        ("[" * 100_000, "no readable GeoJSON"),
     ],
 )
 def test_unusable_zones_are_refused(tmp_path: Path, text: str, complaint: str) -> None:
