@@ -22,6 +22,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from companion.runtime.program_version import program_version
 from tests.search import counts, equality
 from tests.search.flight import TAKEN, UNSAFE, fly
 from tests.search.flown_file import InputError, read_object
@@ -130,7 +131,8 @@ def _is_safe_without(scenario: Scenario) -> bool:
 def _keep(own: argparse.Namespace, scenario: Scenario, name: str, weakness: str | None) -> Scenario:
     """Shrink a failure and write it, once; return the minimal scenario."""
     path = own.out / "failures" / f"{name}.json"
-    if path.exists():
+    made_of = {"found": scenario.changed(), "program": program_version()}
+    if path.exists() and made_of.items() <= read_object(path).items():
         return read(path)
     planted = None if weakness is None else WEAKNESSES[weakness]
 
@@ -140,7 +142,7 @@ def _keep(own: argparse.Namespace, scenario: Scenario, name: str, weakness: str 
 
     minimal = shrink(scenario, fails, own.flights_to_shrink)
     path.parent.mkdir(parents=True, exist_ok=True)
-    document = {"scenario": minimal.changed(), "weakness": weakness, "found": scenario.changed()}
+    document = {"scenario": minimal.changed(), "weakness": weakness} | made_of
     document["outcome"] = asdict(fly(minimal, weakness=planted))
     path.write_text(json.dumps(document, indent=1) + "\n", "utf-8")
     return minimal
@@ -180,7 +182,7 @@ def _equal(own: argparse.Namespace) -> int:
 def _replay(own: argparse.Namespace) -> int:
     scenario = read(own.file)
     name = own.weakness or read_object(own.file).get("weakness")
-    if name is not None and name not in WEAKNESSES:
+    if name is not None and not (isinstance(name, str) and name in WEAKNESSES):
         raise InputError(f"{own.file}: there is no weakness {name!r}, only {', '.join(WEAKNESSES)}")
     outcome = fly(scenario, cheap=not own.full, weakness=WEAKNESSES[name] if name else None)
     print(json.dumps(asdict(outcome), indent=1))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 
 from companion.desk.evidence.landing_counts import counts_document
 from companion.runtime.program_version import program_version
-from tests.search.flight import ENDS, Outcome
+from tests.search.flight import ENDS, UNSAFE, Outcome
 from tests.search.flights import flying
 from tests.search.flown_file import InputError, read_object
 from tests.search.scenario import Scenario, one_trouble
@@ -65,7 +66,14 @@ def read(path: Path, seed: int = 1) -> dict[str, Any]:
                 f"{path} was counted by another version of the program or with another seed: it says"
                 f" {found.get('program')} and {found.get('seed')}: use another folder"
             )
+        if not _agree(found):
+            raise InputError(f"{path} is damaged, its counts do not agree: use another folder")
         return found
+    return _nothing(seed)
+
+
+def _nothing(seed: int) -> dict[str, Any]:
+    """Return the counts before the first landing."""
     return {
         "kind": "cheap landings",
         "program": program_version(),
@@ -79,6 +87,24 @@ def read(path: Path, seed: int = 1) -> dict[str, Any]:
         "cpu_s": 0.0,
         "updated": "",
     }
+
+
+def _agree(counts: dict[str, Any]) -> bool:
+    """Return whether counts are whole: all fields, and each table adds up to the landings."""
+    if counts.keys() != _nothing(0).keys():
+        return False
+    try:
+        sums = [sum(counts["ends"][end] for end in ENDS)] + [
+            sum(row[end] for row in counts[table].values() for end in ENDS)
+            for table in ("by_hazard", "by_fault")
+        ]
+        margins = float(counts["least_margin"]), float(counts["cpu_s"])
+        n_unsafe = sum(one["margin"] < 0 for one in counts["unsafe"])
+    except (AttributeError, KeyError, TypeError, ValueError):
+        return False
+    landings = counts["landings"]
+    whole = isinstance(landings, int) and all(found == landings for found in sums)
+    return whole and all(map(math.isfinite, margins)) and counts["ends"][UNSAFE] <= n_unsafe
 
 
 def _add(counts: dict[str, Any], scenario: Scenario, outcome: Outcome) -> None:

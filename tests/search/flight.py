@@ -69,7 +69,8 @@ ENDS = (SAFE, UNSAFE, ABORTED, REFUSED, TAKEN)
 class Outcome:
     """What came of a flight.
 
-    end: one of `ENDS`; "refused": it did not begin to descend; "failsafe": the autopilot landed by itself.
+    end: one of `ENDS`; "refused": it did not begin to descend; "failsafe": the autopilot landed by itself,
+    and nothing was unsafe before.
     parts: of the margin. response: how it answered what happened. score: what the search minimises.
     missed: distance (m) and compass bearing from the ordered point to the touchdown, where both are known.
     """
@@ -148,6 +149,7 @@ class SearchFlight(Mission):
         self._was_final = False
         self._ordered_s = 0.0
         self._reacted_ns: int | None = None
+        self._margin_when_taken: float | None = None
 
     def new_companion(self) -> Companion:
         """Return a companion that knows its vehicle, and need not listen for it."""
@@ -227,6 +229,8 @@ class SearchFlight(Mission):
 
     def _is_over(self) -> bool:
         executive, now_s = self.companion.executive, self.loop.time()
+        if self._margin_when_taken is None and self.sim.autopilot.failsafes.in_charge:
+            self._margin_when_taken = margin_of(parts_of(self.sim, self.clearance))
         self.descended = self.descended or executive.phase in (Phase.DESCEND, Phase.FINAL)
         waits = self._was_final and executive.phase is Phase.DESCEND
         self._was_final = executive.phase is Phase.FINAL
@@ -243,8 +247,10 @@ class SearchFlight(Mission):
         margin = margin_of(parts)
         missed = None if self.kept_en_m is None else missed_m_deg(self.sim, self.kept_en_m)
         response = response_of(self.sim, self.hazard, self.silence, self._reacted_ns, missed)
+        taken = self._margin_when_taken if self.sim.autopilot.failsafes.in_charge else None
+        has_landed = self.sim.touchdown is not None
         return Outcome(
-            self._end(margin),
+            end_of(margin, taken, has_landed=has_landed, descended=self.descended),
             margin,
             round(score_of(parts, response), 5),
             parts,
@@ -256,14 +262,20 @@ class SearchFlight(Mission):
             missed,
         )
 
-    def _end(self, margin: float) -> str:
-        if self.sim.autopilot.failsafes.in_charge:
-            return TAKEN
-        if margin < 0.0:
-            return UNSAFE
-        if self.sim.touchdown is not None:
-            return SAFE
-        return ABORTED if self.descended else REFUSED
+
+def end_of(margin: float, margin_when_taken: float | None, *, has_landed: bool, descended: bool) -> str:
+    """Return one of `ENDS`.
+
+    margin_when_taken: margin of the moment when a failsafe of the autopilot took over, None if none did; what
+    was unsafe then is the companion's own.
+    """
+    if margin_when_taken is not None and margin_when_taken >= 0.0:
+        return TAKEN
+    if margin < 0.0:
+        return UNSAFE
+    if has_landed:
+        return SAFE
+    return ABORTED if descended else REFUSED
 
 
 class MemoryPort(UdpPort):

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
+from dataclasses import fields as fields_of
 from pathlib import Path
 
 import numpy as np
 
 from tests.search.flight import REFUSED, TAKEN, Outcome
 from tests.search.flights import Fly, FlyAll, flying
-from tests.search.flown_file import Flown, FlownFile
+from tests.search.flown_file import Flown, FlownFile, InputError
 from tests.search.niche_search import next_generation
 from tests.search.scenario import Scenario
 from tests.search.scored import Scored
@@ -48,8 +49,15 @@ class Hunt:
         confirm: Callable[[Scenario], bool] | None = None,
     ) -> None:
         self._fly, self._seed, self._jobs, self._confirm = fly, seed, jobs, confirm
-        self._file = FlownFile(path, {"search": path.stem, "seed": seed})
-        self.failures = [Scenario.of(**one["scenario"]) for one in self.flown if one["failure"]]
+        fields = ("scenario", "failure", *(field.name for field in fields_of(Outcome)))
+        self._file = FlownFile(path, {"search": path.stem, "seed": seed}, fields)
+        try:
+            scenarios = [Scenario.of(**one["scenario"]) for one in self.flown]
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{path}: a flight has no scenario of this program: {error}") from None
+        self.failures = [
+            scenario for scenario, one in zip(scenarios, self.flown, strict=True) if one["failure"]
+        ]
 
     @property
     def flown(self) -> list[Flown]:

@@ -101,6 +101,7 @@ class Scenario:
                 value in part.values
                 if isinstance(part, Choice)
                 else isinstance(value, int | float)
+                and not isinstance(value, bool)
                 and part.low <= value <= part.high
                 and not (part.whole and value % 1)
             )
@@ -190,15 +191,23 @@ def rounded(part: Range, value: float) -> float:
     return float(round(inside)) if part.whole else float(round(inside, 4))
 
 
+KEPT = ("scenario", "weakness", "found", "outcome", "program")  # of the file of a failure
+
+
 def read(path: Path) -> Scenario:
     """Read a scenario from a JSON file with the key "scenario", or of its values alone.
 
     Raises
     ------
     InputError
-        The file holds no scenario.
+        The file holds no scenario, or a key beside it that means nothing.
     """
     found = read_object(path)
+    if not found:
+        raise InputError(f'{path} is empty: {{"scenario": {{}}}} is the flight in which nothing happens')
+    unknown = [key for key in found if "scenario" in found and key not in KEPT]
+    if unknown:
+        raise InputError(f"{path}: {unknown[0]!r} means nothing, only {', '.join(KEPT)}")
     values = found.get("scenario", found)
     try:
         return Scenario.of(**values)

@@ -1,4 +1,4 @@
-"""Rare-event search without a flight: scenarios, cross-entropy, hunt, shrinking, counts."""
+"""Rare-event search without a flight: scenarios, hunt, shrinking, counts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from companion.runtime.program_version import program_version
 from tests.search import counts
 from tests.search.__main__ import main
 from tests.search.equality import figures
-from tests.search.flight import Outcome
+from tests.search.flight import SAFE, TAKEN, UNSAFE, Outcome, end_of
 from tests.search.flown_file import InputError
 from tests.search.hunt import GENERATION, Hunt
 from tests.search.niche_search import FIRST, next_generation
@@ -328,6 +328,10 @@ def test_only_parameters_that_act_are_changed() -> None:
         (lambda text: text, 2, "another search"),
         (lambda text: text[text.index("\n") + 1 :], 1, "another search"),
         (lambda text: text.replace("{", "", 2), 1, "line 1 is no JSON"),
+        (lambda text: text + "[" * 100_000 + "\n", 1, "line 5 is no JSON"),
+        (lambda text: text + "{}\n", 1, "line 5 is no flight"),
+        (lambda text: text + "5\n", 1, "line 5 is no flight"),
+        (lambda text: text.replace("wind_ms", "winds"), 1, "there is no parameter 'winds'"),
     ],
 )
 def test_a_hunt_goes_on_with_no_file_of_another(
@@ -348,8 +352,41 @@ def test_counts_of_another_seed_are_not_gone_on_with(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    "change",
+    [
+        {"landings": 5},
+        {"landings": None},
+        {"ends": {"safe": 4}},
+        {"by_hazard": {}},
+        {"by_fault": []},
+        {"unsafe": None},
+        {"cpu_s": float("nan")},
+        {"more": 1},
+    ],
+)
+def test_damaged_counts_are_not_gone_on_with(tmp_path: Path, change: dict[str, object]) -> None:
+    path = tmp_path / "counts.json"
+    counts.count(path, 4, lambda _: outcome(0.3))
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(InputError, match="its counts do not agree"):
+        counts.count(path, 5, lambda _: outcome(0.3))
+
+
+def test_what_was_unsafe_before_a_failsafe_took_over_is_the_companions() -> None:
+    assert end_of(-0.1, 0.2, has_landed=True, descended=True) == TAKEN
+    assert end_of(-0.1, -0.1, has_landed=True, descended=True) == UNSAFE
+    assert end_of(-0.1, None, has_landed=True, descended=True) == UNSAFE
+    assert end_of(0.2, None, has_landed=True, descended=True) == SAFE
+
+
+@pytest.mark.parametrize(
     "text",
     [
+        "{}",
+        '{"scenario": {"wind_ms": true}}',
+        '{"scenario": {}, "weaknes": "crosswind"}',
+        '{"wind_ms": 3, "weakness": "crosswind"}',
+        "[" * 100_000,
         '{"scenario": {"wind_ms": NaN}}',
         '{"seed": 1.5}',
         '{"hazard": "dragon"}',
