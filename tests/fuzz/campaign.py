@@ -39,17 +39,30 @@ PAGE = os.sysconf("SC_PAGE_SIZE")
 
 @dataclass(slots=True)
 class Outcome:
-    """What became of a harness's inputs."""
+    """What became of a harness's inputs.
+
+    Attributes
+    ----------
+    failed
+        How many of the inputs raised; those that a failure is made small with are none of them.
+    failures
+        Where each defect is kept and what it raised, by its signature.
+    """
 
     name: str
     inputs: int = 0
+    failed: int = 0
     seconds: float = 0.0
     grown_mb: float = 0.0
     failures: dict[str, str] = field(default_factory=dict)
 
     @property
+    def grew(self) -> bool:
+        return self.grown_mb >= GROWN_MB
+
+    @property
     def ok(self) -> bool:
-        return not self.failures and self.grown_mb < GROWN_MB
+        return not self.failures and not self.grew
 
 
 def signature(error: BaseException) -> str:
@@ -134,6 +147,7 @@ def run(
         outcome.inputs += 1
         error = tried(harness, target, data)
         if error is not None:
+            outcome.failed += 1
             told = signature(error)
             if told not in outcome.failures:
                 outcome.failures[told] = _kept(harness, past, told, error, folder, keep)
@@ -175,7 +189,9 @@ def resident_mb() -> float:
 
 def document(outcomes: Sequence[Outcome], seed: int, program: str) -> dict[str, object]:
     """Return the results as a document for `slz evidence`."""
-    harnesses = [asdict(o) | {"ok": o.ok, "failures": [*o.failures.values()]} for o in outcomes]
+    harnesses = [
+        asdict(o) | {"ok": o.ok, "grew": o.grew, "failures": [*o.failures.values()]} for o in outcomes
+    ]
     return {"format": "slz-fuzz", "version": 1, "program": program, "seed": seed, "harnesses": harnesses}
 
 
@@ -209,7 +225,8 @@ def main() -> int:
             for what, text in outcome.failures.items():
                 print(f"    {what}: {text}", flush=True)
     total, seconds = sum(o.inputs for o in outcomes), sum(o.seconds for o in outcomes)
-    print(f"{total} inputs in {seconds:.0f} s, {sum(len(o.failures) for o in outcomes)} failures")
+    failed, defects = sum(o.failed for o in outcomes), sum(len(o.failures) for o in outcomes)
+    print(f"{total} inputs in {seconds:.0f} s, {failed} failed, {defects} defects")
     if options.out is not None:
         options.out.parent.mkdir(parents=True, exist_ok=True)
         options.out.write_text(json.dumps(document(outcomes, options.seed, program)) + "\n", "utf-8")

@@ -71,15 +71,36 @@ def test_a_defect_is_found_and_its_input_made_small(tmp_path: Path) -> None:
     assert [base64.b64decode(data) for data in case["inputs"]] == [b"\xff"]
 
 
+def test_every_input_that_fails_is_counted_and_no_replay_of_it(tmp_path: Path) -> None:
+    tries = 0
+
+    def often(_data: bytes) -> None:
+        nonlocal tries
+        tries += 1
+        if tries % 2:
+            raise KeyError("x")
+
+    outcome = run(Harness("often", lambda: [bytes(64)], lambda _folder: often), 100, 1, tmp_path, None)
+    assert tries > 100
+    assert len(outcome.failures) == 1
+    assert 40 <= outcome.failed <= 60
+
+
 def test_the_results_are_an_artefact_of_evidence(tmp_path: Path) -> None:
-    defect = Outcome("las", 10, failures={"IndexError in las.py:x": "no"})
-    outcomes = [Outcome("livox", 500), defect, Outcome("pcd", 20, grown_mb=99.0)]
+    defect = Outcome("las", 10, failed=4, failures={"IndexError in las.py:x": "no"})
+    both = Outcome("ply", 30, failed=2, grown_mb=99.0, failures={"KeyError in ply.py:x": "no"})
+    outcomes = [Outcome("livox", 500), defect, Outcome("pcd", 20, grown_mb=99.0), both]
     path = tmp_path / "fuzz.json"
     path.write_text(json.dumps(document(outcomes, 7, "1+a")) + "\n", "utf-8")
     read = read_artefact(path)
     assert read.programs() == ["1+a"]
-    found = [(r.variant, r.runs, r.failures) for r in read.runs]
-    assert found == [("livox", 500, 0), ("las", 10, 1), ("pcd", 20, 1)]
+    found = [(r.variant, r.runs, r.failures, r.at_least) for r in read.runs]
+    assert found == [
+        ("livox", 500, 0, False),
+        ("las", 10, 4, False),
+        ("pcd", 20, 1, True),
+        ("ply", 30, 2, True),
+    ]
 
 
 def test_an_endless_input_is_stopped() -> None:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import tempfile
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -42,11 +43,26 @@ def run(out: Path, artefacts: Sequence[Path]) -> dict[str, Any]:
         "evidence.md": case_markdown(case, made),
         "evidence.json": json.dumps(document, indent=1) + "\n",
     }
-    output_folder.prepare(out)
-    try:
-        for name, text in texts.items():
-            (out / name).write_text(text, "utf-8")
-    except OSError as error:
-        raise UsageError(f"--out {out}: cannot be written: {error}") from None
+    _write(out, texts)
     kept = ("program", "states", "headline", "unknown_counts", "repeated_runs", "left_out_runs")
     return {name: document[name] for name in kept} | {"files": [str(out / name) for name in texts]}
+
+
+def _write(out: Path, texts: Mapping[str, str]) -> None:
+    """Write files to a folder; an older one stays until all new ones are whole.
+
+    Raises
+    ------
+    UsageError
+        The folder or a file cannot be written.
+    """
+    output_folder.prepare(out)
+    try:
+        with tempfile.TemporaryDirectory(dir=out, prefix=".unfinished-") as unfinished:
+            for name, text in texts.items():
+                # The name of an artefact's file may be no Unicode.
+                Path(unfinished, name).write_text(text, "utf-8", errors="backslashreplace")
+            for name in texts:
+                Path(unfinished, name).replace(out / name)
+    except OSError as error:
+        raise UsageError(f"--out {out}: cannot be written: {error}") from None

@@ -9,13 +9,16 @@ from typing import Any
 
 from companion.runtime.errors import UsageError
 
+MOST_COUNT = 10**12
+MOST_SEED = 2**64
+
 
 class ArtefactError(UsageError):
     """An artefact that cannot be read; one line names it, the place and the fault."""
 
 
-class RepeatedKeyError(ArtefactError):
-    """An object in an artefact that has a key twice: which of its values holds cannot be told."""
+class NoJsonError(ArtefactError):
+    """A text that is no JSON, such as a line that was cut off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,37 +34,57 @@ class Fields:
 
         Raises
         ------
+        NoJsonError
+            It is no JSON.
         ArtefactError
-            It is none.
-        RepeatedKeyError
-            An object of it has a key twice.
+            It is no object, an object of it has a key twice, or a text of it is no Unicode.
         """
 
         def unrepeated(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
             found = dict(pairs)
             if len(found) < len(pairs):
                 key = next(key for key, times in Counter(key for key, _ in pairs).items() if times > 1)
-                raise RepeatedKeyError(
+                raise ArtefactError(
                     f"--artefact {where}: the key {key!r:.40} is there twice in one object: keep one"
                 )
             return found
 
         try:
             values = json.loads(text, object_pairs_hook=unrepeated)
-        except ArtefactError:
-            raise
+            if "\\u" in text:
+                json.dumps(values, ensure_ascii=False).encode()
+        except json.JSONDecodeError as error:
+            raise NoJsonError(f"--artefact {where}: no JSON: {error}") from None
+        except UnicodeEncodeError as error:
+            code = f"\\u{ord(error.object[error.start]):04x}"
+            raise ArtefactError(
+                f"--artefact {where}: {code} is half a character (a lone surrogate): write the whole one"
+            ) from None
         except (ValueError, RecursionError) as error:
-            raise ArtefactError(f"--artefact {where}: no JSON: {str(error).splitlines()[0]}") from None
+            raise ArtefactError(f"--artefact {where}: JSON that cannot be read: {error}") from None
         if not isinstance(values, dict):
             raise ArtefactError(f"--artefact {where}: a JSON object was expected")
         return cls(where, values)
 
     def count(self, name: str, default: int | None = None) -> int:
-        """Return a number of things, which is never negative."""
+        """Return a number of things, from 0 to 10^12."""
+        return self._whole(name, default, MOST_COUNT, "10^12")
+
+    def seed(self, name: str, default: int | None = None) -> int:
+        """Return a number that identifies a run, from 0 to 2^64."""
+        return self._whole(name, default, MOST_SEED, "2^64")
+
+    def _whole(self, name: str, default: int | None, most: int, most_text: str) -> int:
         value = self.values.get(name, default)
-        if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-            raise self.bad(name, "a whole number from 0")
+        if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= most:
+            raise self.bad(name, f"a whole number from 0 to {most_text}")
         return value
+
+    def version(self, wanted: int) -> None:
+        """Check the version of a document's format."""
+        value = self.values.get("version")
+        if type(value) is not int or value != wanted:
+            raise self.bad("version", str(wanted))
 
     def text(self, name: str, default: str | None = None) -> str:
         """Return a text."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from companion.desk.evidence import flight_results
-from companion.desk.evidence.artefact_fields import ArtefactError, Fields, RepeatedKeyError
+from companion.desk.evidence.artefact_fields import ArtefactError, Fields, NoJsonError
 from companion.desk.evidence.evidence_runs import UNKNOWN_VERSION, Runs
 from companion.desk.evidence.fuzz_and_soak import FUZZ, FUZZ_FORMAT, SOAK, is_soak, read_fuzz, read_soak
 from companion.desk.evidence.junit_report import read_junit
@@ -68,9 +68,7 @@ def _recognised(name: str, text: str) -> tuple[str, list[Runs], list[str]]:
         raise ArtefactError(f"--artefact {name}: it is empty")
     try:
         line = Fields.parse(name, first)
-    except RepeatedKeyError:
-        raise
-    except ArtefactError:
+    except NoJsonError:
         line = Fields(name, {})
     if kind := flight_results.kind_of_flight(line):
         return kind, *flight_results.read_flights(name, text, kind)

@@ -15,7 +15,7 @@ def case_markdown(case: SafetyCase, made: str) -> str:
     lines = [f"# {case_text.TITLE}", "", f"Program {case.program}; made {made}.", ""]
     lines += [f"- **{escaped(line)}**" for line in case_text.headline(case)] + [""]
     if case.unlinked:
-        lines += ["## Failures that belong to no hazard of the list", "", *_table(case.unlinked), ""]
+        lines += [f"## {case_text.NOT_NAMED}", "", *_table(case.unlinked), ""]
         lines += [f"- {escaped(text)}" for finding in case.unlinked for text in finding.failures_named] + [""]
     if case.unknown_counts:
         lines += [f"Counts of no hazard of the list: {escaped(', '.join(case.unknown_counts))}.", ""]

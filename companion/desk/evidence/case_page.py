@@ -57,7 +57,7 @@ def case_page(case: SafetyCase, made: str) -> str:
     ]
     if case.unlinked:
         parts += [
-            "<h2 class=wrong>Failures that belong to no hazard of the list</h2>",
+            f"<h2 class=wrong>{case_text.NOT_NAMED}</h2>",
             _evidence(case.unlinked),
         ]
         parts.append(_list([text for f in case.unlinked for text in f.failures_named], "wrong"))

@@ -14,15 +14,18 @@ NOT_COUNTED = "not counted"
 FLOWN = ("campaign", "landings", "soak", "counts")
 MEASURES = {
     "touchdowns": ("touchdowns by the companion", "on unsafe ground"),
-    "collisions": ("flights", "with a collision"),
+    "collisions": ("flights not brought down by the pilot or a failsafe", "with a collision"),
     "commands": ("flights", "with a command against the pilot or a failsafe"),
+    "by_others": ("flights brought down by the pilot or a failsafe", "on unsafe ground or into something"),
 }
+NOT_NAMED = "Failures in runs that no hazard of the list names"
 READING = (
     "Every number is counted from the files listed under Artefacts; nothing is entered by hand. Only runs "
     "of the program version named above count. A run is identified by its kind, variant, seed and version: "
     "reported by several files it counts once, with the worst outcome.",
     "Unsafe: a touchdown on unsafe ground, a collision, or a command against the pilot or a failsafe. "
-    "Failed: not as the hazard's reaction requires; unsafe runs are failed runs.",
+    "Failed: not as the hazard's reaction requires; unsafe runs are failed runs. With ≥ how many failed is "
+    "not known, because the file does not say it, or memory grew over all inputs: there is no bound.",
     "Links with runs: of the tests, flights, inputs and measures that the hazard's list asks for, those that "
     'have a run. Counts by other tools belong to none of them: they are named after "+".',
     "Bound: one-sided upper limit (Clopper-Pearson, 95 %) of the probability in one run; without a failure "
@@ -73,13 +76,13 @@ def row(finding: Finding) -> tuple[str, ...]:
     if finding.source not in ("test", "soak") and finding.runs and not finding.is_random:
         environment += ", not independent"
     skipped = f" ({finding.skipped:,} skipped)" if finding.skipped else ""
-    if not finding.runs:
+    if not (finding.runs or finding.failures):
         return (finding.label, environment, f"no run{skipped}", *["-"] * 4, artefact_names(finding.artefacts))
     return (
         finding.label,
         environment,
         f"{finding.runs:,}{skipped}",
-        f"{finding.failures:,}",
+        f"{'≥ ' * finding.at_least}{finding.failures:,}",
         share(finding.failed_bound),
         f"{finding.unsafe:,}" if flown else "-",
         share(finding.unsafe_bound) if flown else "-",
@@ -109,7 +112,7 @@ def repetitions(case: SafetyCase) -> list[str]:
     ]
     lines += [
         f"{n:,} {unit} were left out, {NOT_COUNTED}: their document has seeds in common with a larger one, "
-        "and which of its outcomes belong to the others cannot be told."
+        "and which of its outcomes belong to the others cannot be told. Failures of the document are counted."
         for unit, n in case.left_out.items()
     ]
     return lines

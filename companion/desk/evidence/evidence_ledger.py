@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from companion.desk.evidence.evidence_runs import UNITS, Runs, Seeds, common, overlap, size
+from companion.desk.evidence.evidence_runs import UNITS, Runs, Seeds, common, joined
 
 Key = tuple[str, str, str]  # source, variant, environment
 
@@ -19,11 +19,15 @@ class Entry:
     artefacts: tuple[int, ...]
 
 
+Document = dict[tuple[str, str], Entry]
+"""A document of counts: its flights, touchdowns, and flights of each hazard, by source and variant."""
+
+
 class Ledger:
     """Runs of the current program version by kind, without repetitions.
 
     Of runs that several artefacts report, the largest set is counted, with the most failures that any of them
-    reports: a run that failed once does not pass by a repetition.
+    reports: a run that failed once does not pass by a repetition. Counts are chosen as whole documents.
 
     Attributes
     ----------
@@ -37,14 +41,16 @@ class Ledger:
     def __init__(self, program: str, reported: Iterable[Entry]) -> None:
         self.repeated: Counter[str] = Counter()
         self.left_out: Counter[str] = Counter()
-        self._entries: dict[Key, list[Entry]] = {}
-        groups: defaultdict[Key, list[Entry]] = defaultdict(list)
-        for entry in reported:
-            if entry.runs.program == program:
-                runs = entry.runs
-                groups[runs.source, runs.variant, runs.environment].append(entry)
-        for key, group in groups.items():
-            self._entries[key] = self._without_repetitions(group)
+        self._entries: defaultdict[Key, list[Entry]] = defaultdict(list)
+        current = [entry for entry in reported if entry.runs.program == program]
+        of_counts = {entry.artefacts for entry in current if entry.runs.source == "counts"}
+        singles = [entry for entry in current if entry.artefacts not in of_counts]
+        documents: defaultdict[tuple[int, ...], Document] = defaultdict(dict)
+        for entry in current:
+            if entry.artefacts in of_counts:
+                documents[entry.artefacts][entry.runs.source, entry.runs.variant] = entry
+        for entry in (*self._once(singles), *self._chosen(documents.values())):
+            self._entries[entry.runs.source, entry.runs.variant, entry.runs.environment].append(entry)
 
     def entries(self, source: str, variant: str | None = None) -> list[Entry]:
         """Return the counted runs of a source, of one variant or of all."""
@@ -59,36 +65,91 @@ class Ledger:
         """Return the variants of a source that have runs."""
         return sorted({name for of, name, _ in self._entries if of == source})
 
-    def _without_repetitions(self, group: list[Entry]) -> list[Entry]:
-        counted: list[Entry] = []
-        exact: dict[Seeds, int] = {}  # many sets are a single run: these are looked up
-        ranges: list[int] = []
-        for entry in sorted(group, key=lambda e: -e.runs.runs):
-            seeds = entry.runs.seeds
-            same = exact.get(seeds)
-            others = (
-                [same] if same is not None else [k for k in ranges if overlap(counted[k].runs.seeds, seeds)]
-            )
-            if not others:
-                exact[seeds] = len(counted)
-                if entry.runs.runs > 1 or seeds[0][1] - seeds[0][0] > 1 or len(seeds) > 1:
-                    ranges.append(len(counted))
-                counted.append(entry)
-                continue
-            if entry.runs.is_whole():
-                self._note_repetition(entry.runs, [counted[k].runs.seeds for k in others])
-            for k in others:
-                counted[k] = _worst(counted[k], entry)
-        return counted
+    def _once(self, entries: Iterable[Entry]) -> Iterator[Entry]:
+        groups: defaultdict[tuple[Key, Seeds], list[Entry]] = defaultdict(list)
+        for entry in entries:
+            runs = entry.runs
+            groups[(runs.source, runs.variant, runs.environment), runs.seeds].append(entry)
+        for group in groups.values():
+            kept, *again = sorted(group, key=lambda entry: -entry.runs.runs)
+            for entry in again:
+                if entry.runs.is_whole():
+                    self.repeated[UNITS[entry.runs.source]] += entry.runs.runs
+                kept = _worst(kept, entry)
+            yield kept
 
-    def _note_repetition(self, runs: Runs, kept: list[Seeds]) -> None:
-        """Note how many of the runs are counted already, and how many are lost with them."""
-        again = runs.runs
-        if size(runs.seeds) == runs.runs:
-            again = sum(common(seeds, runs.seeds) for seeds in kept)
-        self.repeated[UNITS[runs.source]] += again
-        if again < runs.runs:
-            self.left_out[UNITS[runs.source]] += runs.runs - again
+    def _chosen(self, documents: Iterable[Document]) -> Iterator[Entry]:
+        """Return the counts of documents without common seeds, the largest first, each as a whole.
+
+        Failures of the others are kept: see `_take_failures`. The order of the artefacts does not matter.
+        """
+        tools: defaultdict[tuple[str, str], list[Document]] = defaultdict(list)
+        for document in documents:
+            tools[_flights(document).variant, _flights(document).environment].append(document)
+        for group in tools.values():
+            counted: list[Document] = []
+            others: list[Document] = []
+            for document in sorted(group, key=_order):
+                (others if _overlapped(document, counted) else counted).append(document)
+            seen = joined(tuple(seeds for each in counted for seeds in _flights(each).seeds))
+            for document in others:
+                flights = _flights(document)
+                again = common(seen, flights.seeds)
+                self.repeated["flights"] += again
+                if beyond := flights.runs - again:
+                    self.left_out["flights"] += beyond
+                _take_failures(_overlapped(document, counted), document, beyond)
+                seen = joined((*seen, *flights.seeds))
+            yield from (entry for document in counted for entry in document.values())
+
+
+def _flights(document: Document) -> Runs:
+    """Return all flights of a document."""
+    return next(entry.runs for entry in document.values() if entry.runs.is_whole())
+
+
+def _order(document: Document) -> tuple[object, ...]:
+    """Return a key that sorts documents: most flights first, then most failures, then by all numbers."""
+    flights = _flights(document)
+    runs = [entry.runs for entry in document.values()]
+    numbers = sorted((each.source, each.variant, each.runs, each.failures, each.is_random) for each in runs)
+    return -flights.runs, -flights.failures, numbers, sorted(flights.seeds)
+
+
+def _overlapped(document: Document, others: Sequence[Document]) -> list[Document]:
+    """Return those of other documents that have a flight of a document."""
+    seeds = _flights(document).seeds
+    return [each for each in others if common(_flights(each).seeds, seeds)]
+
+
+def _take_failures(counted: Sequence[Document], document: Document, beyond: int) -> None:
+    """Add the failures of a document that does not count to the first of those that it overlaps.
+
+    Which of its flights failed cannot be told. As many failures as it has flights `beyond` those that are
+    known may be others, and are added; so are those by which it has more than the counted ones have.
+    """
+    into = counted[0]
+    for key, entry in document.items():
+        known = sum(each[key].runs.failures for each in counted if key in each)
+        more = max(min(entry.runs.failures, beyond), entry.runs.failures - known)
+        if key in into or more > 0:
+            kept = into.get(key, Entry(replace(entry.runs, runs=0, failures=0, unsafe=0, what=""), ()))
+            into[key] = _with_failures(kept, entry, max(more, 0))
+
+
+def _with_failures(kept: Entry, again: Entry, more: int) -> Entry:
+    """Return kept counts with more unsafe flights of others."""
+    a, b = kept.runs, again.runs
+    failures = a.failures + more
+    runs = replace(
+        a,
+        runs=max(a.runs, failures),
+        failures=failures,
+        unsafe=failures,
+        is_random=a.is_random and b.is_random,
+        what="; ".join(dict.fromkeys(text for text in (a.what, b.what) if text)),
+    )
+    return Entry(runs, tuple(sorted({*kept.artefacts, *again.artefacts})))
 
 
 def _worst(kept: Entry, again: Entry) -> Entry:
@@ -101,5 +162,6 @@ def _worst(kept: Entry, again: Entry) -> Entry:
         skipped=min(a.skipped, b.skipped),
         is_random=a.is_random and b.is_random,
         what=a.what or b.what,
+        at_least=a.at_least or b.at_least,
     )
     return Entry(runs, tuple(sorted({*kept.artefacts, *again.artefacts})))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 UNKNOWN_VERSION = ""
 SIMULATION = "simulation"
 ENVIRONMENTS = (SIMULATION, "recording", "hardware", "flight")
-MEASURES = ("touchdowns", "collisions", "commands")
+MEASURES = ("touchdowns", "collisions", "commands", "by_others")
 UNITS = {"test": "tests", "campaign": "flights", "landings": "flights", "counts": "flights",
          "fuzz": "inputs", "soak": "soaks"}  # fmt: skip
 
@@ -23,13 +23,15 @@ class Runs:
     ----------
     source
         Kind of evidence: test, campaign, landings, fuzz, soak, counts; or a measure over several kinds:
-        touchdowns, collisions, commands.
+        touchdowns, collisions, commands, by_others (brought down by the pilot or a failsafe).
     variant
         Test's node ID, fault, kind of flight, harness, clock, or the tool and hazard of a count.
     failures
         Runs that did not end as required, the unsafe ones included.
     unsafe
         Runs that touched unsafe ground, hit something, or commanded against the pilot.
+    at_least
+        Whether failures is only the least number of them: then they have no bound.
     is_random
         Whether the runs are independent random draws; without this a count has no bound.
     what
@@ -47,6 +49,7 @@ class Runs:
     is_random: bool = True
     environment: str = SIMULATION
     what: str = ""
+    at_least: bool = False
 
     def is_whole(self) -> bool:
         """Return whether these are whole runs, not a measure of them or those of them that met a hazard."""
@@ -56,11 +59,6 @@ class Runs:
 def one(number: int) -> Seeds:
     """Return the seeds of a single run."""
     return ((number, number + 1),)
-
-
-def overlap(a: Seeds, b: Seeds) -> bool:
-    """Return whether any seed is in both."""
-    return any(p[0] < q[1] and q[0] < p[1] for p in a for q in b)
 
 
 def common(a: Seeds, b: Seeds) -> int:
@@ -73,12 +71,18 @@ def size(seeds: Seeds) -> int:
     return sum(end - first for first, end in seeds)
 
 
-def seeds_text(seeds: Seeds) -> str:
-    """Return ranges as text, such as `0-1999, 5000`; neighbouring ranges are joined."""
-    joined: list[list[int]] = []
+def joined(seeds: Seeds) -> Seeds:
+    """Return ranges in order, without common seeds; neighbouring ranges are one."""
+    found: list[tuple[int, int]] = []
     for first, end in sorted(seeds):
-        if joined and first <= joined[-1][1]:
-            joined[-1][1] = max(joined[-1][1], end)
+        if found and first <= found[-1][1]:
+            found[-1] = (found[-1][0], max(found[-1][1], end))
         else:
-            joined.append([first, end])
-    return ", ".join(f"{first}" if end == first + 1 else f"{first}-{end - 1}" for first, end in joined)
+            found.append((first, end))
+    return tuple(found)
+
+
+def seeds_text(seeds: Seeds) -> str:
+    """Return ranges as text, such as `0-1999, 5000`."""
+    ranges = joined(seeds)
+    return ", ".join(f"{first}" if end == first + 1 else f"{first}-{end - 1}" for first, end in ranges)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from companion.desk.evidence.artefact_fields import ArtefactError, Fields, RepeatedKeyError
+from companion.desk.evidence.artefact_fields import ArtefactError, Fields, NoJsonError
 from companion.desk.evidence.evidence_runs import UNKNOWN_VERSION, Runs, one
 
 CAMPAIGN, LANDINGS = "campaign", "landings"
-TOUCHDOWNS, COLLISIONS, COMMANDS = "touchdowns", "collisions", "commands"
+TOUCHDOWNS, COLLISIONS, COMMANDS, BY_OTHERS = "touchdowns", "collisions", "commands", "by_others"
 NOBODY = ""  # nobody but the companion brought it down
 
 
@@ -35,9 +35,7 @@ def read_flights(name: str, text: str, kind: str) -> tuple[list[Runs], list[str]
             continue
         try:
             fields = Fields.parse(f"{name}, line {k + 1}", line)
-        except RepeatedKeyError:
-            raise
-        except ArtefactError:
+        except NoJsonError:
             if k < len(lines) - 1 or text.endswith("\n"):
                 raise
             notes.append("the last line is cut off and left out")
@@ -50,16 +48,16 @@ def read_flights(name: str, text: str, kind: str) -> tuple[list[Runs], list[str]
 
 def _campaign(line: Fields) -> list[Runs]:
     """Return the runs of a flight; one that does not record its judgement is of an unknown version."""
-    judged = isinstance(line.values.get("not_as_stated"), list)
+    judgement = line.values.get("not_as_stated")
+    judged = isinstance(judgement, list)
     program = line.text("program", UNKNOWN_VERSION) if judged else UNKNOWN_VERSION
-    wrong = [str(each) for each in line.values.get("not_as_stated") or ()]
-    companions = line.text("landed_by") == NOBODY
-    touched = line.values.get("touchdown") is not None
-    unsafe_ground = touched and companions and not line.flag("safe")
-    collided = companions and line.values.get("collision") is not None
-    return _flight(line, CAMPAIGN, line.text("fault"), program, wrong,
-                   touched=touched and companions, unsafe_ground=unsafe_ground, collided=collided,
-                   happened=line.values.get("began_s") is not None)  # fmt: skip
+    wrong = [str(each) for each in judgement] if isinstance(judgement, list) else []
+    touched, collided = line.values.get("touchdown") is not None, line.values.get("collision") is not None
+    unsafe_ground = touched and not line.flag("safe")
+    happened = line.values.get("began_s") is not None
+    return _flight(line, CAMPAIGN, line.text("fault"), program, wrong, touched=touched,
+                   unsafe_ground=unsafe_ground, collided=collided, happened=happened,
+                   landed_by=line.text("landed_by"))  # fmt: skip
 
 
 def _landing(line: Fields) -> list[Runs]:
@@ -78,24 +76,29 @@ def _landing(line: Fields) -> list[Runs]:
 
 
 def _flight(line: Fields, kind: str, variant: str, program: str, wrong: list[str], *, touched: bool,
-            unsafe_ground: bool, collided: bool, happened: bool) -> list[Runs]:  # fmt: skip
-    number = line.count("number")
+            unsafe_ground: bool, collided: bool, happened: bool,
+            landed_by: str = NOBODY) -> list[Runs]:  # fmt: skip
+    """Return the flight and its measures; ends under the pilot or a failsafe are a measure of their own."""
+    number = line.seed("number")
     commands = line.count("commands_while_pilot_flies", 0)
-    bad = ["touched unsafe ground"] * unsafe_ground + ["collided"] * collided
-    bad += [f"{commands} commands against the pilot or a failsafe"] * (commands > 0)
-    what = "; ".join(dict.fromkeys([*bad, *wrong]))[:200]
-    failed = bool(what)
+    bad_end = ["touched unsafe ground"] * unsafe_ground + ["collided"] * collided
+    bad = bad_end if landed_by == NOBODY else []
+    against = [f"{commands} commands against the pilot or a failsafe"] * (commands > 0)
+    what = "; ".join(dict.fromkeys([*bad, *against, *wrong]))[:200]
     label = kind if kind == CAMPAIGN else f"{kind} {variant}"
+    said = f"{label} {number}: {what}" if what else ""
+    run = Runs(kind, variant, one(number), program, failures=int(bool(what)), what=said,
+               unsafe=int(bool(bad or against)), skipped=int(not happened and not what))  # fmt: skip
 
-    def runs(source: str, name: str, failures: bool, unsafe: bool, skipped: bool) -> Runs:
-        said = f"{label} {number}: {what}" if failures else ""
-        return Runs(
-            source, name, one(number), program, 1, int(failures), int(unsafe), int(skipped), what=said
-        )
+    def measure(source: str, failed: bool, told: str) -> Runs:
+        said = f"{label} {number}: {told}" if failed else ""
+        return Runs(source, label, run.seeds, program, failures=int(failed), unsafe=int(failed), what=said)
 
-    found = [runs(kind, variant, failed, bool(bad), skipped=not happened and not failed)]
-    found.append(runs(COLLISIONS, label, collided, collided, skipped=False))
-    found.append(runs(COMMANDS, label, commands > 0, commands > 0, skipped=False))
+    found = [run, measure(COMMANDS, commands > 0, what)]
+    if landed_by != NOBODY:
+        told = f"{'; '.join(bad_end)} ({landed_by})"
+        return [*found, measure(BY_OTHERS, bool(bad_end), told)]
+    found.append(measure(COLLISIONS, collided, what))
     if touched:
-        found.append(runs(TOUCHDOWNS, label, unsafe_ground, unsafe_ground, skipped=False))
+        found.append(measure(TOUCHDOWNS, unsafe_ground, what))
     return found

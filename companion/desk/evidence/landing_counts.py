@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
-from companion.desk.evidence.artefact_fields import ArtefactError, Fields
+from companion.desk.evidence.artefact_fields import MOST_SEED, ArtefactError, Fields
 from companion.desk.evidence.evidence_runs import ENVIRONMENTS, SIMULATION, UNKNOWN_VERSION, Runs, Seeds, size
 from companion.desk.evidence.flight_results import CAMPAIGN, LANDINGS, TOUCHDOWNS
 from companion.desk.evidence.fuzz_and_soak import FUZZ, SOAK
@@ -73,8 +73,7 @@ def read_counts(document: Fields) -> list[Runs]:
         A field is missing or impossible, the ends do not add up to the flights, a count of a hazard exceeds
         that of all flights, ranges of seeds overlap, or there is not one seed for each flight.
     """
-    if document.count("version") != COUNTS_VERSION:
-        raise document.bad("version", str(COUNTS_VERSION))
+    document.version(COUNTS_VERSION)
     tool = document.text("tool")
     if not tool.strip() or tool in RESERVED or ":" in tool:
         raise document.bad("tool", f"a name other than {', '.join(RESERVED)}, not empty and without a colon")
@@ -121,9 +120,13 @@ def _ends(part: Fields) -> dict[str, int]:
 def _seeds(document: Fields) -> Seeds:
     ranges = []
     for each in document.items("seeds"):
-        whole = isinstance(each, list) and len(each) == 2 and all(type(v) is int for v in each)
+        whole = (
+            isinstance(each, list)
+            and len(each) == 2
+            and all(type(v) is int and abs(v) <= MOST_SEED for v in each)
+        )
         if not whole or each[0] >= each[1]:
-            raise document.bad("seeds", "ranges [first, last + 1]")
+            raise document.bad("seeds", "ranges [first, last + 1] of whole numbers to 2^64")
         ranges.append((each[0], each[1]))
     if not ranges:
         raise document.bad("seeds", "one range at least")

@@ -38,8 +38,11 @@ class Finding:
         Without the skipped ones, and those in which the hazard did not come.
     is_random
         Whether the runs are independent random draws.
+    at_least
+        Whether failures is only the least number of them.
     failed_bound, unsafe_bound
-        Upper bounds at 95 % of their probability in a run; None where runs are no random draws.
+        Upper bounds at 95 % of their probability in a run; None where runs are no random draws, or where the
+        number of failures is not known.
     failures_named
         The first failures in words.
     """
@@ -50,6 +53,7 @@ class Finding:
     is_random: bool
     runs: int
     failures: int
+    at_least: bool
     unsafe: int
     skipped: int
     failed_bound: float | None
@@ -89,9 +93,10 @@ class SafetyCase:
     hazards
         Those that failed first, then those without evidence; of each state the most severe first.
     measures
-        Touchdowns, collisions, and commands against the pilot, over all kinds of flights.
+        Touchdowns, collisions, commands against the pilot, and ends under the pilot or a failsafe, over all
+        kinds of flights.
     unlinked
-        Failures that belong to no hazard of the list.
+        Failures of runs that no hazard of the list names.
     equal_counts
         Pairs of artefacts and their tools whose counts are the same in everything but the tool: one may be a
         copy of the other.
@@ -127,10 +132,13 @@ def make_case(hazards: Sequence[Hazard], artefacts: Sequence[Artefact], program:
     measures = [f for name in MEASURES for f in _findings(name, ledger.entries(name)) if f.runs]
     linked = {e for h in hazards for _, entries in _links(h, ledger) for e in entries}
     others = [entry for source in KINDS for entry in ledger.entries(source) if entry not in linked]
+    # Every failure of all flights of a document of counts is one of its touchdowns.
+    has_touchdowns = any("touchdowns" in hazard.measures for hazard in hazards)
     unlinked = [
         finding
         for entry in others
         if entry.runs.failures
+        and not (has_touchdowns and entry.runs.source == "counts" and entry.runs.is_whole())
         for finding in _findings(f"{entry.runs.source} {entry.runs.variant}".rstrip(":"), [entry])
     ]
     named = {e.runs.variant for e in others if e.runs.source == "counts"}
@@ -217,6 +225,8 @@ def _finding(label: str, environment: str, is_random: bool, entries: Sequence[En
     named = [e.runs.what for e in entries if e.runs.what]
     if len(named) > MOST_FAILURES:
         named = [*named[:MOST_FAILURES], f"and {len(named) - MOST_FAILURES} more"]
+    at_least = any(e.runs.at_least for e in entries)
+    is_bounded = is_random and runs > 0 and not at_least
     return Finding(
         label,
         entries[0].runs.source if entries else label.split(" ")[0],
@@ -224,10 +234,11 @@ def _finding(label: str, environment: str, is_random: bool, entries: Sequence[En
         is_random,
         runs,
         failures,
+        at_least,
         unsafe,
         skipped,
-        upper_bound(failures, runs) if is_random and runs else None,
-        upper_bound(unsafe, runs) if is_random and runs else None,
+        upper_bound(failures, runs) if is_bounded else None,
+        upper_bound(unsafe, runs) if is_bounded else None,
         tuple(named),
         tuple(sorted({k for e in entries for k in e.artefacts})),
     )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 from _pytest.junitxml import LogXML, xml_key
@@ -24,6 +25,11 @@ from tests.unit.companion.desk.evidence.results import (
     landing,
     written,
 )
+
+
+def fuzz(*harnesses: object) -> dict[str, Any]:
+    return {"format": "slz-fuzz", "version": 1, "program": NOW, "seed": 7, "harnesses": harnesses}
+
 
 SOAK = {"hours": 24.0, "reports": 9, "rss_growth": 0.0, "failed": [], "came_of": {"safe": 50, "unsafe": 1},
         "clock": "simulated", "seed": 1, "program": NOW}  # fmt: skip
@@ -74,9 +80,23 @@ def test_flights_of_the_campaign_are_judged_by_what_they_record(tmp_path: Path) 
     assert numbers(path) == {
         "campaign lidar_stop": (6, 4, 3, 0),
         "touchdowns campaign": (3, 1, 1, 0),
-        "collisions campaign": (6, 1, 1, 0),
+        "collisions campaign": (5, 1, 1, 0),
         "commands campaign": (6, 1, 1, 0),
+        "by_others campaign": (1, 1, 1, 0),
     }
+
+
+def test_a_bad_end_under_the_pilot_or_a_failsafe_is_named_and_not_the_companions(tmp_path: Path) -> None:
+    hit = campaign_flight(1, landed_by="failsafe", touchdown=None, safe=None, collision={"e": 0.0})
+    tipped = campaign_flight(2, landed_by="pilot", safe=False, collision={"e": 0.0})
+    read = artefact(tmp_path, "flights.jsonl", campaign_flight(0, landed_by="pilot"), hit, tipped)
+    assert [(r.failures, r.what) for r in read.runs if r.source == "by_others"] == [
+        (0, ""),
+        (1, "campaign 1: collided (failsafe)"),
+        (1, "campaign 2: touched unsafe ground; collided (pilot)"),
+    ]
+    assert {r.source for r in read.runs if r.source in ("collisions", "touchdowns")} == set()
+    assert [r.failures for r in read.runs if r.source == "campaign"] == [0, 0, 0]
 
 
 def test_flights_of_the_landing_benchmark_are_trials_of_their_hazard_only_where_it_came(
@@ -104,17 +124,35 @@ def test_a_soak_is_one_run_and_its_landings_are_touchdowns(tmp_path: Path) -> No
 
 def test_inputs_of_each_harness_are_counted(tmp_path: Path) -> None:
     harnesses = [
-        {"name": "livox", "inputs": 500, "ok": True, "failures": []},
-        {"name": "las", "inputs": 10, "ok": False, "failures": ["IndexError: no"]},
-        {"name": "pcd", "inputs": 20, "ok": False, "failures": []},
+        {"name": "livox", "inputs": 500, "failed": 0, "ok": True, "grew": False, "failures": []},
+        {
+            "name": "las",
+            "inputs": 10,
+            "failed": 7,
+            "ok": False,
+            "grew": False,
+            "failures": ["IndexError: no"],
+        },
     ]
-    made = {"format": "slz-fuzz", "version": 1, "program": NOW, "seed": 7, "harnesses": harnesses}
-    path = written(tmp_path, "fuzz.json", made)
-    assert numbers(path) == {
-        "fuzz livox": (500, 0, 0, 0),
-        "fuzz las": (10, 1, 0, 0),
-        "fuzz pcd": (20, 1, 0, 0),
-    }
+    path = written(tmp_path, "fuzz.json", fuzz(*harnesses))
+    assert numbers(path) == {"fuzz livox": (500, 0, 0, 0), "fuzz las": (10, 7, 0, 0)}
+    assert [r.at_least for r in read_artefact(path).runs] == [False, False]
+
+
+@pytest.mark.parametrize(
+    ("harness", "failures", "said"),
+    [
+        ({"ok": False, "failures": ["KeyError: 'x'", "a"]}, 2, "las, seed 7: KeyError: 'x'"),
+        ({"ok": False, "failures": []}, 1, "las, seed 7: memory grew"),
+        ({"ok": False, "grew": True, "failed": 3, "failures": ["a"]}, 3, "las, seed 7: a; memory grew"),
+        ({"ok": False, "inputs": 0, "failures": ["crash at start"]}, 1, "las, seed 7: crash at start"),
+    ],
+)
+def test_without_the_number_of_failed_inputs_and_with_grown_memory_at_least_so_many_failed(
+    tmp_path: Path, harness: dict[str, Any], failures: int, said: str
+) -> None:
+    run = artefact(tmp_path, "fuzz.json", fuzz({"name": "las", "inputs": 1_000} | harness)).runs[0]
+    assert (run.failures, run.what, run.at_least) == (failures, said, True)
 
 
 def test_counts_of_any_tool_are_flights_touchdowns_and_hazards(tmp_path: Path) -> None:
@@ -154,6 +192,10 @@ def test_results_made_before_versions_were_recorded_are_of_an_unknown_one(tmp_pa
         assert "made before versions were recorded" in read.notes[-1]
 
 
+def test_a_flight_whose_judgement_is_no_list_is_of_an_unknown_version(tmp_path: Path) -> None:
+    assert artefact(tmp_path, "flights.jsonl", campaign_flight(0, not_as_stated=5)).programs() == [""]
+
+
 def test_a_last_line_cut_short_is_left_out_and_said(tmp_path: Path) -> None:
     path = written(tmp_path, "flights.jsonl", campaign_flight(0))
     path.write_text(path.read_text("utf-8") + '{"number": 1, "fau', "utf-8")
@@ -175,7 +217,17 @@ def test_a_last_line_cut_short_is_left_out_and_said(tmp_path: Path) -> None:
         (junit(""), "it holds no run"),
         (json.dumps(campaign_flight(0)) + "\nnonsense\n", "line 2: no JSON"),
         (f"{json.dumps(campaign_flight(0))}\n{json.dumps(landing(0))}\n", "line 2: no flight of campaign"),
-        (json.dumps(campaign_flight(-1)), "'number' is -1: a whole number from 0 was expected"),
+        (json.dumps(campaign_flight(-1)), "'number' is -1: a whole number from 0 to 2^64 was expected"),
+        (json.dumps(campaign_flight(2**64 + 1)), "a whole number from 0 to 2^64 was expected"),
+        (json.dumps(campaign_flight(0, commands_while_pilot_flies=10**12 + 1)), "from 0 to 10^12 was"),
+        (json.dumps(campaign_flight(0)) + '\n{"number": ' + "9" * 5_000, "line 2: JSON that cannot be read"),
+        ('{"a": ' + "[" * 100_000 + "]" * 100_000 + "}", "JSON that cannot be read: maximum recursion"),
+        (json.dumps(campaign_flight(0, fault="\ud800")), "\\ud800 is half a character (a lone surrogate)"),
+        (json.dumps(campaign_flight(0)) + "\n" + json.dumps(campaign_flight(1, not_as_stated=["\udfff"])),
+         "line 2: \\udfff is half a character"),
+        (json.dumps(counts(by_hazard={"\ud800": ends()}), indent=1), "\\ud800 is half a character"),
+        (json.dumps(counts(seeds=[[10**300, 10**300 + 10_000]])), "ranges [first, last + 1] of whole"),
+        (json.dumps(counts(flights=10**400, safe=10**400)), "a whole number from 0 to 10^12 was expected"),
         (json.dumps(counts(version=2)), "'version' is 2: 1 was expected"),
         (json.dumps(counts(safe=9_991)), "'flights' is 10000: the sum of the ends, 10001, was expected"),
         (json.dumps(counts(seeds=[[5, 5]])), "ranges [first, last + 1]"),
@@ -202,7 +254,13 @@ def test_a_last_line_cut_short_is_left_out_and_said(tmp_path: Path) -> None:
          "line 2: the key 'safe' is there twice"),
         (json.dumps(counts(sampling="some")), "independent or adaptive was expected"),
         (json.dumps(counts(by_hazard={"a": 1})), "'a' is 1: an object was expected"),
-        ('{"format": "slz-fuzz", "seed": 1, "harnesses": [3]}', "harness 1: 'name' is missing"),
+        (json.dumps(fuzz(3)), "harness 1: 'name' is missing"),
+        (json.dumps(fuzz() | {"version": 9}), "'version' is 9: 1 was expected"),
+        (json.dumps(fuzz() | {"version": True}), "'version' is True: 1 was expected"),
+        (json.dumps(fuzz({"name": "las", "inputs": 9, "failed": 1, "failures": ["a", "b"]})),
+         "harness 1: 'failed' is 1: a number from 2 to 9, by 'failures' and 'inputs', was expected"),
+        (json.dumps(fuzz({"name": "las", "inputs": 9, "failed": 10, "failures": ["a"]})), "'failed' is 10"),
+        (json.dumps(fuzz({"name": "las", "inputs": 9, "failed": 1, "failures": []})), "from 0 to 0"),
     ],
 )  # fmt: skip
 def test_what_is_no_artefact_is_one_line_with_the_file_and_the_fault(

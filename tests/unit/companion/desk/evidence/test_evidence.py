@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import sys
 from pathlib import Path
@@ -83,6 +84,73 @@ def test_the_number_of_flights_that_were_reported_twice_is_on_the_page(tmp_path:
     for text in texts(tmp_path):
         assert "8,000 flights were reported more than once and counted once." in text
         assert "2,000 flights were left out, not counted" in text
+
+
+def test_ends_under_the_pilot_or_a_failsafe_are_on_the_page(tmp_path: Path) -> None:
+    flights = [
+        campaign_flight(k, landed_by=who, collision=hit, program=program_version())
+        for k, (who, hit) in enumerate([("", None), ("pilot", {"e": 0.0}), ("failsafe", None)])
+    ]
+    evidence.run(tmp_path, [written(tmp_path, "flights.jsonl", *flights)])
+    for text in texts(tmp_path):
+        assert "1 flights not brought down by the pilot or a failsafe, 0 with a collision" in text
+        assert (
+            "2 flights brought down by the pilot or a failsafe, 1 on unsafe ground or into something" in text
+        )
+
+
+def test_a_number_of_failures_that_is_not_known_is_shown_as_the_least(tmp_path: Path) -> None:
+    harness = {"name": "las", "inputs": 0, "ok": False, "failures": ["crash at start"]}
+    made = {
+        "format": "slz-fuzz",
+        "version": 1,
+        "program": program_version(),
+        "seed": 1,
+        "harnesses": [harness],
+    }
+    evidence.run(tmp_path, [written(tmp_path, "fuzz.json", made)])
+    page, markdown = texts(tmp_path)
+    assert "<td class=n>0</td><td class=n>≥ 1</td><td class=n>-</td>" in page
+    assert "| fuzz las | simulation | 0 | ≥ 1 |" in markdown
+
+
+def test_failures_that_no_hazard_names_are_above_the_hazards(tmp_path: Path) -> None:
+    failed = junit(case("test_b", "<failure message='no'/>"), program_version())
+    evidence.run(tmp_path, [written(tmp_path, "junit.xml", failed)])
+    for text in texts(tmp_path):
+        heading = text.index("Failures in runs that no hazard of the list names")
+        assert heading < text.index("Hazards, barriers and evidence")
+
+
+def test_an_older_page_stays_where_a_new_one_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    evidence.run(tmp_path, [])
+    before = texts(tmp_path)
+
+    def full(path: Path, *_: object, **__: object) -> int:
+        path.touch()
+        if path.name == "evidence.md":
+            raise OSError(28, "No space left on device")
+        return 0
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "write_text", full)
+        with pytest.raises(UsageError, match="cannot be written: .*No space left"):
+            evidence.run(tmp_path, [])
+    assert texts(tmp_path) == before
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "evidence.html",
+        "evidence.json",
+        "evidence.md",
+    ]
+
+
+def test_the_name_of_an_artefact_that_is_no_unicode_is_written_in_another_way(tmp_path: Path) -> None:
+    path = written(tmp_path, os.fsdecode(b"counts\xff.json"), counts())
+    evidence.run(tmp_path, [path])
+    for text in texts(tmp_path):
+        assert "counts\\udcff.json" in text
 
 
 def test_counts_that_may_be_a_copy_of_others_are_asked_for_on_the_page(tmp_path: Path) -> None:

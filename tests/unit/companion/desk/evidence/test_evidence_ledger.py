@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from itertools import permutations
+
 from companion.desk.evidence.evidence_ledger import Entry, Ledger
-from companion.desk.evidence.evidence_runs import Runs, Seeds, one, overlap, seeds_text
+from companion.desk.evidence.evidence_runs import Runs, Seeds, one, seeds_text
 from tests.unit.companion.desk.evidence.results import NOW, OLD
 
 
@@ -18,11 +20,11 @@ def counted(*reported: Runs) -> list[tuple[int, int, tuple[int, ...]]]:
 
 
 def test_other_seeds_are_other_runs() -> None:
-    assert counted(runs(one(1)), runs(one(2)), runs(((3, 9),), 6)) == [
-        (6, 0, (2,)),
-        (1, 0, (0,)),
-        (1, 0, (1,)),
-    ]
+    assert counted(runs(one(1)), runs(one(2), failures=1)) == [(1, 0, (0,)), (1, 1, (1,))]
+
+
+def test_of_two_runs_of_one_seed_the_longer_counts() -> None:
+    assert counted(runs(one(1), 500, 3), runs(one(1), 1_000)) == [(1_000, 3, (0, 1))]
 
 
 def test_the_same_seed_in_two_artefacts_is_one_run() -> None:
@@ -37,18 +39,91 @@ def test_a_run_that_failed_once_does_not_pass_by_a_repetition() -> None:
     assert counted(runs(one(1)), runs(one(1), failures=1)) == [(1, 1, (0, 1))]
 
 
-def test_of_overlapping_sets_the_largest_counts_with_the_most_failures() -> None:
-    assert counted(runs(((0, 100),), 100), runs(((50, 120),), 70, 2), runs(one(7), failures=1)) == [
-        (100, 2, (0, 1, 2))
+def document(*seeds: tuple[int, int], unsafe: int = 0, landed: int | None = None, **box: int) -> list[Runs]:
+    """Return the counts of a document; box: flights and unsafe ones that met a box."""
+    flights = sum(end - first for first, end in seeds)
+    landed = flights if landed is None else landed
+    found = {("counts", "mine:"): (flights, unsafe), ("touchdowns", "mine"): (landed, unsafe)}
+    if box:
+        found["counts", "mine:box"] = (box["flights"], box["bad"])
+    return [
+        Runs(*key, seeds, NOW, runs, bad, bad, what=f"{bad} of {runs}") for key, (runs, bad) in found.items()
     ]
 
 
-def test_of_sets_that_overlap_in_part_common_runs_are_repeated_and_the_others_left_out() -> None:
-    sets = [runs(((0, 100),), 100), runs(((200, 300),), 100), runs(((90, 110), (290, 320)), 50)]
-    ledger = Ledger(NOW, [Entry(each, (k,)) for k, each in enumerate(sets)])
-    assert sum(e.runs.runs for e in ledger.entries("campaign")) == 200
-    assert ledger.repeated == {"flights": 20}
-    assert ledger.left_out == {"flights": 30}
+def settled(*documents: list[Runs]) -> tuple[Ledger, dict[str, list[tuple[int, int]]]]:
+    """Return the ledger of documents and its runs and failures: of flights, touchdowns and boxes."""
+    ledger = Ledger(NOW, [Entry(runs, (k,)) for k, each in enumerate(documents) for runs in each])
+    keys = {"flights": ("counts", "mine:"), "landed": ("touchdowns", "mine"), "box": ("counts", "mine:box")}
+    found = {
+        name: [(e.runs.runs, e.runs.failures) for e in ledger.entries(*key)] for name, key in keys.items()
+    }
+    return ledger, found
+
+
+def test_counts_without_common_seeds_are_all_counted() -> None:
+    _, found = settled(document((0, 100), unsafe=1), document((100, 150), unsafe=2))
+    assert found == {"flights": [(100, 1), (50, 2)], "landed": [(100, 1), (50, 2)], "box": []}
+
+
+def test_of_overlapping_counts_flights_touchdowns_and_hazards_are_those_of_the_same_document() -> None:
+    larger = document((0, 1_000), landed=10)
+    smaller = document((900, 1_800), landed=900, flights=500, bad=0)
+    ledger, found = settled(smaller, larger)
+    assert found == {"flights": [(1_000, 0)], "landed": [(10, 0)], "box": []}
+    assert ledger.repeated == {"flights": 100}
+    assert ledger.left_out == {"flights": 800}
+
+
+def test_failures_of_counts_that_are_left_out_are_added_as_far_as_they_may_be_others() -> None:
+    larger = document((0, 1_000), unsafe=3, landed=900, flights=50, bad=1)
+    smaller = document((998, 1_005), unsafe=6, landed=6, flights=6, bad=6)
+    _, found = settled(larger, smaller)
+    assert found == {"flights": [(1_000, 8)], "landed": [(900, 8)], "box": [(50, 6)]}
+
+
+def test_a_failure_is_not_lost_where_the_counted_document_has_no_such_flights() -> None:
+    smaller = document((0, 10), unsafe=4, landed=10, flights=4, bad=2)
+    _, found = settled(document((0, 100), landed=0), smaller)
+    assert found == {"flights": [(100, 4)], "landed": [(4, 4)], "box": [(2, 2)]}
+
+
+def test_a_flight_whose_failure_is_known_is_not_counted_again() -> None:
+    one_flight = document((5, 6), unsafe=1, flights=1, bad=1)
+    ledger, found = settled(document((0, 100), unsafe=1, flights=1, bad=1), one_flight, one_flight)
+    assert found == {"flights": [(100, 1)], "landed": [(100, 1)], "box": [(1, 1)]}
+    assert ledger.repeated == {"flights": 2}
+    assert ledger.left_out == {}
+
+
+def test_counts_that_overlap_two_documents_are_compared_with_both() -> None:
+    both = document((90, 110), (190, 210), unsafe=3)
+    documents = [document((0, 100), unsafe=1), document((100, 200), unsafe=1), both, both]
+    ledger, found = settled(*documents)
+    assert found["flights"] == [(100, 4), (100, 1)]
+    assert ledger.repeated == {"flights": 30 + 40}
+    assert ledger.left_out == {"flights": 10}
+
+
+def test_failures_that_two_documents_know_are_not_added_to_one_of_them() -> None:
+    documents = [document((0, 100), unsafe=1), document((100, 200), unsafe=1)]
+    _, found = settled(*documents, document((90, 110), unsafe=2))
+    assert found["flights"] == [(100, 1), (100, 1)]
+
+
+def test_the_order_of_overlapping_counts_does_not_matter() -> None:
+    documents = [
+        document((0, 100), unsafe=1, landed=90, flights=9, bad=1),
+        document((50, 150), unsafe=1, landed=80, flights=8, bad=0),
+        document((140, 200), unsafe=2),
+        document((60, 61), unsafe=1, flights=1, bad=1),
+    ]
+    results = []
+    for order in permutations(documents):
+        ledger, found = settled(*order)
+        results.append((found, ledger.repeated, ledger.left_out))
+    assert all(each == results[0] for each in results)
+    assert results[0][0]["landed"] == [(80, 4)]
 
 
 def test_runs_of_another_version_or_variant_are_others() -> None:
@@ -61,7 +136,5 @@ def test_what_another_artefact_ran_is_not_skipped() -> None:
     assert [e.runs.skipped for e in ledger.entries("test")] == [0]
 
 
-def test_ranges_of_seeds_overlap_and_are_told_in_words() -> None:
-    assert overlap(((0, 5), (9, 12)), ((11, 20),))
-    assert not overlap(((0, 5), (9, 12)), ((5, 9), (12, 13)))
+def test_ranges_of_seeds_are_told_in_words() -> None:
     assert seeds_text(((5, 6), (0, 3), (3, 5), (9, 10))) == "0-5, 9"

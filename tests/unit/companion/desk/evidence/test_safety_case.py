@@ -93,7 +93,11 @@ def test_the_same_flight_in_two_artefacts_is_counted_once(tmp_path: Path) -> Non
     found = of(tmp_path, campaign_flight(1), campaign_flight(1), campaign=("lidar_stop",))
     assert [(f.runs, f.artefacts) for f in found.hazards[0].findings] == [(1, (0, 1))]
     assert found.repeated == {"flights": 1}
-    assert [f.runs for f in found.measures] == [1, 1, 1]
+    assert [(f.label, f.runs) for f in found.measures] == [
+        ("touchdowns", 1),
+        ("collisions", 1),
+        ("commands", 1),
+    ]
 
 
 def test_a_flight_that_is_repeated_is_one_whatever_it_is_counted_as(tmp_path: Path) -> None:
@@ -151,6 +155,12 @@ def test_an_adaptive_search_has_no_bound_and_takes_it_from_no_other_flights(tmp_
     ]
 
 
+def test_an_adaptive_search_that_has_flights_of_a_document_takes_its_bound(tmp_path: Path) -> None:
+    some = {"seeds": [[0, 100]], "flights": 100, "safe": 100, "refused": 0, "aborted": 0, "by_hazard": {}}
+    found = of(tmp_path, counts(), counts(sampling="adaptive", **some), measures=("touchdowns",)).hazards[0]
+    assert [(f.runs, f.unsafe_bound) for f in found.findings] == [(9_990, None)]
+
+
 def test_real_flights_are_never_counted_with_simulated_ones(tmp_path: Path) -> None:
     real = counts(tool="field", environment="flight")
     found = of(tmp_path, counts(), real, measures=("touchdowns",)).hazards[0]
@@ -172,6 +182,42 @@ def test_failures_that_belong_to_no_hazard_are_named(tmp_path: Path) -> None:
     assert [(f.label, f.failures_named) for f in found.unlinked] == [
         ("test tests/unit/test_a.py::test_b", ("no",))
     ]
+
+
+def test_the_unsafe_flights_of_counts_belong_to_a_hazard_that_asks_for_touchdowns(tmp_path: Path) -> None:
+    unsafe = counts(safe=9_989, unsafe=1)
+    assert of(tmp_path, unsafe, counts=("box",), measures=("touchdowns",)).unlinked == ()
+    assert [f.label for f in of(tmp_path, unsafe, counts=("box",)).unlinked] == ["counts search"]
+
+
+def test_flights_that_others_brought_down_are_a_measure_that_makes_no_hazard_unsafe(tmp_path: Path) -> None:
+    badly = campaign_flight(1, landed_by="pilot", safe=False)
+    found = of(tmp_path, campaign_flight(0, landed_by="failsafe"), badly, campaign=("lidar_stop",))
+    assert [(f.label, f.runs, f.unsafe) for f in found.measures] == [("commands", 2, 0), ("by_others", 2, 1)]
+    assert (found.hazards[0].state, found.unlinked) == (State.SHOWN, ())
+
+
+def test_failures_of_unknown_number_have_no_bound_also_with_other_runs(tmp_path: Path) -> None:
+    def fuzzed(seed: int, **more: object) -> dict[str, object]:
+        harness = {"name": "las", "inputs": 100, "ok": True, "failures": []} | more
+        return {"format": "slz-fuzz", "version": 1, "program": NOW, "seed": seed, "harnesses": [harness]}
+
+    half = fuzzed(1, ok=False, failed=50, failures=["KeyError: 'x'"])
+    told = of(tmp_path, half, fuzzed(2), fuzz=("las",)).hazards[0].findings[0]
+    assert (told.runs, told.failures, told.failed_bound) == (200, 50, upper_bound(50, 200))
+    unknown = fuzzed(1, ok=False, failures=["KeyError: 'x'"])
+    found = of(tmp_path, unknown, fuzzed(2), fuzz=("las",)).hazards[0].findings
+    assert [(f.runs, f.failures, f.at_least, f.failed_bound) for f in found] == [(200, 1, True, None)]
+    again = fuzzed(2, inputs=50, ok=False, failures=["KeyError: 'x'"])
+    found = of(tmp_path, fuzzed(2), again, fuzz=("las",)).hazards[0].findings
+    assert [(f.runs, f.failures, f.at_least) for f in found] == [(100, 1, True)]
+
+
+def test_a_harness_that_failed_before_its_first_input_fails(tmp_path: Path) -> None:
+    crashed = {"name": "las", "inputs": 0, "ok": False, "failures": ["crash at start"]}
+    made = {"format": "slz-fuzz", "version": 1, "program": NOW, "seed": 1, "harnesses": [crashed]}
+    found = of(tmp_path, made, fuzz=("las",)).hazards[0]
+    assert (found.state, found.findings[0].failures, found.links()) == (State.FAILED, 1, (0, 1))
 
 
 def test_of_many_failures_the_first_are_named(tmp_path: Path) -> None:
