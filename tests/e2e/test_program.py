@@ -14,7 +14,7 @@ import threading
 import time
 import tty
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -122,10 +122,11 @@ class GroundStation:
 
 @contextmanager
 def serial_cable() -> Iterator[tuple[str, str]]:
-    """Two serial devices joined by a cable."""
+    """Two serial devices joined by a cable; what an end does not read in time is lost, as in a UART."""
     near, far = pty.openpty(), pty.openpty()
-    for _, slave in (near, far):
+    for master, slave in (near, far):
         tty.setraw(slave)
+        os.set_blocking(master, False)
     stop_read, stop_write = os.pipe()
 
     def carry() -> None:
@@ -135,7 +136,8 @@ def serial_cable() -> Iterator[tuple[str, str]]:
                 return
             for source, sink in ((near[0], far[0]), (far[0], near[0])):
                 if source in ready:
-                    os.write(sink, os.read(source, 4096))
+                    with suppress(BlockingIOError):
+                        os.write(sink, os.read(source, 4096))
 
     cable = threading.Thread(target=carry, name="cable")
     cable.start()
