@@ -13,7 +13,7 @@ import numpy as np
 
 from companion.desk.evidence.landing_counts import counts_document
 from companion.runtime.program_version import program_version
-from tests.search.flight import ENDS, UNSAFE, Outcome
+from tests.search.flight import CHEAP, ENDS, UNSAFE, Outcome
 from tests.search.flights import flying
 from tests.search.flown_file import InputError, read_object
 from tests.search.scenario import Scenario, one_trouble
@@ -40,7 +40,8 @@ def count(
     Raises
     ------
     InputError
-        The file was counted by another version of the program or with another seed, or is damaged.
+        The file was counted by another version of the program, with another seed or another cheap flight, or
+        is damaged.
     """
     counts = read(path, seed)
     scenarios = [numbered(counts["seed"], number, draw) for number in range(counts["landings"], landings)]
@@ -61,10 +62,12 @@ def read(path: Path, seed: int = 1) -> dict[str, Any]:
     """Return the counts of a file, or those before the first landing."""
     if path.exists():
         found = read_object(path)
-        if (found.get("program"), found.get("seed")) != (program_version(), seed):
+        own = {"program": program_version(), "seed": seed, "cheap": CHEAP}
+        says = {name: found.get(name) for name in own}
+        if says != own:
             raise InputError(
-                f"{path} was counted by another version of the program or with another seed: it says"
-                f" {found.get('program')} and {found.get('seed')}: use another folder"
+                f"{path} was counted by another version of the program, with another seed or another cheap"
+                f" flight: it says {says}, this is {own}: use another folder"
             )
         if not _agree(found):
             raise InputError(f"{path} is damaged, its counts do not agree: use another folder")
@@ -78,6 +81,7 @@ def _nothing(seed: int) -> dict[str, Any]:
         "kind": "cheap landings",
         "program": program_version(),
         "seed": seed,
+        "cheap": CHEAP,
         "landings": 0,
         "ends": dict.fromkeys(ENDS, 0),
         "by_hazard": {},

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tests.search.counts import numbered
-from tests.search.flight import ABORTED, REFUSED, SAFE, TAKEN, UNSAFE, fly
+from tests.search.flight import ABORTED, CHEAP, REFUSED, SAFE, TAKEN, UNSAFE, fly
 from tests.search.flown_file import FlownFile
 
 SEED = 46
@@ -22,7 +22,7 @@ def compare(path: Path, scenarios: int) -> dict[str, Any]:
 
     Two outcomes are equal if both are landings, or both are none, and both are unsafe, or both are not.
     """
-    file = FlownFile(path, {"search": "equal", "seed": SEED}, ("number", "cheap", "full"))
+    file = FlownFile(path, {"search": "equal", "seed": SEED, "cheap": CHEAP}, ("number", "cheap", "full"))
     for number in range(len(file.flown), scenarios):
         scenario = numbered(SEED, number)
         both = {"cheap": asdict(fly(scenario)), "full": asdict(fly(scenario, cheap=False))}

@@ -39,7 +39,7 @@ from tests.search.scenario import Scenario
 from tests.search.troubles import troubles
 
 FULL = {"tick_ns": TICK_NS, "lidar_ms": LIDAR_MS, "point_rate_hz": POINT_RATE_HZ}
-CHEAP = {"tick_ns": 20_000_000, "lidar_ms": 160, "point_rate_hz": 16_000}
+CHEAP = {"tick_ns": 20_000_000, "lidar_ms": 100, "point_rate_hz": 25_000}  # kept in every file of flights
 HEIGHT_M = 6.0
 START_M = 6.0  # from the place that the point is near: straight below, a Mid-360 sees nothing
 AUTOPILOT = {"WPNAV_SPEED_UP": 500.0, "LAND_SPEED": 100.0}

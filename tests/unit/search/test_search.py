@@ -326,6 +326,7 @@ def test_only_parameters_that_act_are_changed() -> None:
     [
         (lambda text: text.replace(program_version(), "0.1.0+0"), 1, "another version"),
         (lambda text: text, 2, "another search"),
+        (lambda text: text.replace('"lidar_ms": ', '"lidar_ms": 9'), 1, "another search"),
         (lambda text: text[text.index("\n") + 1 :], 1, "another search"),
         (lambda text: text.replace("{", "", 2), 1, "line 1 is no JSON"),
         (lambda text: text + "[" * 100_000 + "\n", 1, "line 5 is no JSON"),
@@ -342,6 +343,14 @@ def test_a_hunt_goes_on_with_no_file_of_another(
     path.write_text(change(path.read_text()))
     with pytest.raises(InputError, match=told):
         Hunt(path, narrow, seed)
+
+
+def test_counts_of_another_cheap_flight_are_not_gone_on_with(tmp_path: Path) -> None:
+    path = tmp_path / "counts.json"
+    counts.count(path, 4, lambda _: outcome(0.3))
+    path.write_text(path.read_text().replace('"lidar_ms": ', '"lidar_ms": 9'))
+    with pytest.raises(InputError, match="another cheap flight"):
+        counts.count(path, 5, lambda _: outcome(0.3))
 
 
 def test_counts_of_another_seed_are_not_gone_on_with(tmp_path: Path) -> None:
