@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.search.flight import fly
+from tests.search.flight import COARSE, FULL, fly
 from tests.search.scenario import Scenario, read
 from tests.search.weaknesses import WEAKNESSES
 
@@ -28,14 +28,14 @@ def test_a_planted_weakness_lands_on_what_the_program_avoids() -> None:
 def test_the_least_that_a_weakness_needs_is_unsafe_by_it_alone(name: str) -> None:
     """Kept failures of `plant`, each at its edge: a changed program may be safe there."""
     scenario = read(Path(__file__).parents[1] / "search" / "found" / f"{name}.json")
-    assert fly(scenario, weakness=WEAKNESSES[name]).unsafe
-    assert not fly(scenario).unsafe
+    assert fly(scenario, COARSE, weakness=WEAKNESSES[name]).unsafe
+    assert not fly(scenario, COARSE).unsafe
 
 
 @pytest.mark.bench
 def test_a_scenario_is_the_same_flight_each_time_and_ends_as_the_full_one() -> None:
     scenario = Scenario.of(**WIND)
-    first, again, full = fly(scenario), fly(scenario), fly(scenario, cheap=False)
+    first, again, full = fly(scenario), fly(scenario), fly(scenario, FULL)
     assert replace(again, cpu_s=first.cpu_s) == first
     assert (first.end, full.end) == ("safe", "safe")
     assert abs(first.margin - full.margin) < 0.1

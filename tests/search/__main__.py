@@ -2,10 +2,10 @@
 
 python -m tests.search hunt --out out/search            # the program as it is
 python -m tests.search plant --out out/search           # the five planted weaknesses
-python -m tests.search count --landings 10000 --out out/search    # evenly drawn landings
+python -m tests.search count --landings 10000 --out out/search    # evenly drawn cheap landings
 python -m tests.search count --planted --landings 2000 --out out/search
 python -m tests.search equal --scenarios 100 --out out/search
-python -m tests.search replay FILE.json [--full] [--weakness NAME]
+python -m tests.search replay FILE.json [--detail full] [--weakness NAME]
 """
 
 from __future__ import annotations
@@ -24,12 +24,14 @@ from typing import Any
 
 from companion.runtime.program_version import program_version
 from tests.search import counts, equality
-from tests.search.flight import TAKEN, UNSAFE, fly
+from tests.search.flight import CHEAP, COARSE, DETAILS, TAKEN, UNSAFE, fly
 from tests.search.flown_file import InputError, read_object
 from tests.search.hunt import Hunt, is_failure
 from tests.search.scenario import Scenario, one_trouble, read, uniform
 from tests.search.shrink import shrink
 from tests.search.weaknesses import WEAKNESSES, all_at_once
+
+coarsely = partial(fly, detail=COARSE)
 
 
 def main() -> None:
@@ -69,7 +71,7 @@ def _arguments() -> argparse.Namespace:
     replay = commands.add_parser("replay")
     replay.set_defaults(run=_replay)
     replay.add_argument("file", type=Path)
-    replay.add_argument("--full", action="store_true", help="with sockets and the finer sensor")
+    replay.add_argument("--detail", choices=DETAILS, help="by default that of the file, or cheap")
     replay.add_argument("--weakness", choices=WEAKNESSES)
     return parser.parse_args()
 
@@ -87,7 +89,7 @@ def at_least(least: int) -> Callable[[str], int]:
 
 
 def _hunt(own: argparse.Namespace) -> int:
-    hunt = Hunt(own.out / "hunt.jsonl", fly, own.seed, jobs=own.jobs)
+    hunt = Hunt(own.out / "hunt.jsonl", coarsely, own.seed, jobs=own.jobs)
     failures = hunt.run(own.landings, failures=own.failures)
     for number, scenario in enumerate(failures):
         _keep(own, scenario, f"hunt-{number}", None)
@@ -106,7 +108,7 @@ def _plant(own: argparse.Namespace) -> int:
         started_s = time.process_time()
         hunt = Hunt(
             own.out / f"{name}.jsonl",
-            partial(fly, weakness=WEAKNESSES[name]),
+            partial(coarsely, weakness=WEAKNESSES[name]),
             own.seed,
             own.jobs,
             confirm=_is_safe_without,
@@ -125,31 +127,31 @@ def _plant(own: argparse.Namespace) -> int:
 
 def _is_safe_without(scenario: Scenario) -> bool:
     """Return whether the program as it is flies a scenario safely, so that a weakness makes it unsafe."""
-    return not fly(scenario).unsafe
+    return not coarsely(scenario).unsafe
 
 
 def _keep(own: argparse.Namespace, scenario: Scenario, name: str, weakness: str | None) -> Scenario:
     """Shrink a failure and write it, once; return the minimal scenario."""
     path = own.out / "failures" / f"{name}.json"
-    made_of = {"found": scenario.changed(), "program": program_version()}
+    made_of = {"found": scenario.changed(), "detail": COARSE, "program": program_version()}
     if path.exists() and made_of.items() <= read_object(path).items():
         return read(path)
     planted = None if weakness is None else WEAKNESSES[weakness]
 
     def fails(one: Scenario) -> bool:
-        outcome = fly(one, weakness=planted)
+        outcome = coarsely(one, weakness=planted)
         return outcome.unsafe and outcome.end != TAKEN and (planted is None or _is_safe_without(one))
 
     minimal = shrink(scenario, fails, own.flights_to_shrink)
     path.parent.mkdir(parents=True, exist_ok=True)
     document = {"scenario": minimal.changed(), "weakness": weakness} | made_of
-    document["outcome"] = asdict(fly(minimal, weakness=planted))
+    document["outcome"] = asdict(coarsely(minimal, weakness=planted))
     path.write_text(json.dumps(document, indent=1) + "\n", "utf-8")
     return minimal
 
 
 def _count(own: argparse.Namespace) -> int:
-    planted = partial(fly, weakness=all_at_once)
+    planted = partial(coarsely, weakness=all_at_once)
     path = own.out / ("planted_landings.json" if own.planted else "cheap_landings.json")
     found = counts.count(
         path,
@@ -158,6 +160,7 @@ def _count(own: argparse.Namespace) -> int:
         own.seed,
         uniform if own.planted else one_trouble,
         own.jobs,
+        COARSE if own.planted else CHEAP,
     )
     line = {name: found[name] for name in ("landings", "ends", "least_margin", "cpu_s")}
     if own.planted:
@@ -181,10 +184,14 @@ def _equal(own: argparse.Namespace) -> int:
 
 def _replay(own: argparse.Namespace) -> int:
     scenario = read(own.file)
-    name = own.weakness or read_object(own.file).get("weakness")
+    kept = read_object(own.file)
+    detail = own.detail or kept.get("detail", CHEAP)
+    if not (isinstance(detail, str) and detail in DETAILS):
+        raise InputError(f"{own.file}: there is no detail {detail!r}, only {', '.join(DETAILS)}")
+    name = own.weakness or kept.get("weakness")
     if name is not None and not (isinstance(name, str) and name in WEAKNESSES):
         raise InputError(f"{own.file}: there is no weakness {name!r}, only {', '.join(WEAKNESSES)}")
-    outcome = fly(scenario, cheap=not own.full, weakness=WEAKNESSES[name] if name else None)
+    outcome = fly(scenario, detail, weakness=WEAKNESSES[name] if name else None)
     print(json.dumps(asdict(outcome), indent=1))
     return int(outcome.unsafe)
 

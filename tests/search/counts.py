@@ -1,11 +1,11 @@
-"""Counts of evenly drawn cheap landings, kept in one JSON file that a later run adds to, and as evidence."""
+"""Counts of evenly drawn landings, kept in one JSON file that a later run adds to, and as evidence."""
 
 from __future__ import annotations
 
 import json
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from companion.desk.evidence.landing_counts import counts_document
 from companion.runtime.program_version import program_version
-from tests.search.flight import CHEAP, ENDS, UNSAFE, Outcome
+from tests.search.flight import CHEAP, DETAILS, ENDS, UNSAFE, Outcome
 from tests.search.flights import flying
 from tests.search.flown_file import InputError, read_object
 from tests.search.scenario import Scenario, one_trouble
@@ -32,18 +32,19 @@ def count(
     seed: int = 1,
     draw: Draw = one_trouble,
     jobs: int = 1,
+    detail: str = CHEAP,
 ) -> dict[str, Any]:
     """Fly drawn landings from the number that the file ends with, up to so many in all; return the counts.
 
-    jobs: processes that fly; with more than one, `fly` must be picklable.
+    jobs: processes that fly; with more than one, `fly` must be picklable. detail: of its flights.
 
     Raises
     ------
     InputError
-        The file was counted by another version of the program, with another seed or another cheap flight, or
-        is damaged.
+        The file was counted by another version of the program, with another seed or another flight, or is
+        damaged.
     """
-    counts = read(path, seed)
+    counts = read(path, seed, detail)
     scenarios = [numbered(counts["seed"], number, draw) for number in range(counts["landings"], landings)]
     with flying(fly, jobs) as fly_all:
         for scenario, outcome in zip(scenarios, fly_all(scenarios), strict=True):
@@ -58,30 +59,30 @@ def numbered(seed: int, number: int, draw: Draw = one_trouble) -> Scenario:
     return draw(np.random.default_rng([seed, number]))
 
 
-def read(path: Path, seed: int = 1) -> dict[str, Any]:
+def read(path: Path, seed: int = 1, detail: str = CHEAP) -> dict[str, Any]:
     """Return the counts of a file, or those before the first landing."""
     if path.exists():
         found = read_object(path)
-        own = {"program": program_version(), "seed": seed, "cheap": CHEAP}
+        own = {"program": program_version(), "seed": seed, detail: DETAILS[detail]}
         says = {name: found.get(name) for name in own}
         if says != own:
             raise InputError(
-                f"{path} was counted by another version of the program, with another seed or another cheap"
+                f"{path} was counted by another version of the program, with another seed or another"
                 f" flight: it says {says}, this is {own}: use another folder"
             )
-        if not _agree(found):
+        if not _agree(found, _nothing(seed, detail).keys()):
             raise InputError(f"{path} is damaged, its counts do not agree: use another folder")
         return found
-    return _nothing(seed)
+    return _nothing(seed, detail)
 
 
-def _nothing(seed: int) -> dict[str, Any]:
+def _nothing(seed: int, detail: str) -> dict[str, Any]:
     """Return the counts before the first landing."""
     return {
-        "kind": "cheap landings",
+        "kind": f"{detail} landings",
         "program": program_version(),
         "seed": seed,
-        "cheap": CHEAP,
+        detail: DETAILS[detail],
         "landings": 0,
         "ends": dict.fromkeys(ENDS, 0),
         "by_hazard": {},
@@ -93,9 +94,9 @@ def _nothing(seed: int) -> dict[str, Any]:
     }
 
 
-def _agree(counts: dict[str, Any]) -> bool:
+def _agree(counts: dict[str, Any], fields: Set[str]) -> bool:
     """Return whether counts are whole: all fields, and each table adds up to the landings."""
-    if counts.keys() != _nothing(0).keys():
+    if counts.keys() != fields:
         return False
     try:
         sums = [sum(counts["ends"][end] for end in ENDS)] + [

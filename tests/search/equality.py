@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from tests.search.counts import numbered
-from tests.search.flight import ABORTED, CHEAP, REFUSED, SAFE, TAKEN, UNSAFE, fly
+from tests.search.flight import ABORTED, CHEAP, DETAILS, FULL, REFUSED, SAFE, TAKEN, UNSAFE, fly
 from tests.search.flown_file import FlownFile
 
 SEED = 46
@@ -22,10 +22,11 @@ def compare(path: Path, scenarios: int) -> dict[str, Any]:
 
     Two outcomes are equal if both are landings, or both are none, and both are unsafe, or both are not.
     """
-    file = FlownFile(path, {"search": "equal", "seed": SEED, "cheap": CHEAP}, ("number", "cheap", "full"))
+    head = {"search": "equal", "seed": SEED, CHEAP: DETAILS[CHEAP]}
+    file = FlownFile(path, head, ("number", CHEAP, FULL))
     for number in range(len(file.flown), scenarios):
         scenario = numbered(SEED, number)
-        both = {"cheap": asdict(fly(scenario)), "full": asdict(fly(scenario, cheap=False))}
+        both = {detail: asdict(fly(scenario, detail)) for detail in (CHEAP, FULL)}
         file.add({"number": number} | both)
     return figures(file.flown)
 

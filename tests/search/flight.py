@@ -1,4 +1,4 @@
-"""Flight of a scenario, full (sockets, threads) or cheap (in memory, coarser ticks), and its outcome."""
+"""Flight of a scenario, full (sockets, threads) or in memory with coarser ticks, and its outcome."""
 
 from __future__ import annotations
 
@@ -38,8 +38,13 @@ from tests.search.memory_loop import LOCAL, MemoryLoop
 from tests.search.scenario import Scenario
 from tests.search.troubles import troubles
 
-FULL = {"tick_ns": TICK_NS, "lidar_ms": LIDAR_MS, "point_rate_hz": POINT_RATE_HZ}
-CHEAP = {"tick_ns": 20_000_000, "lidar_ms": 100, "point_rate_hz": 25_000}  # kept in every file of flights
+FULL, CHEAP, COARSE = "full", "cheap", "coarse"
+DETAILS = {
+    FULL: {"tick_ns": TICK_NS, "lidar_ms": LIDAR_MS, "point_rate_hz": POINT_RATE_HZ},
+    CHEAP: {"tick_ns": 20_000_000, "lidar_ms": 100, "point_rate_hz": 25_000},
+    COARSE: {"tick_ns": 20_000_000, "lidar_ms": 160, "point_rate_hz": 16_000},
+}
+"""By the detail of a flight: cheap ones are counted; coarse ones, which show less in time, are searched."""
 HEIGHT_M = 6.0
 START_M = 6.0  # from the place that the point is near: straight below, a Mid-360 sees nothing
 AUTOPILOT = {"WPNAV_SPEED_UP": 500.0, "LAND_SPEED": 100.0}
@@ -106,15 +111,15 @@ class SearchFlight(Mission):
 
     loop: Any
 
-    def __init__(self, scenario: Scenario, *, cheap: bool) -> None:
-        self.scenario, self.cheap = scenario, cheap
+    def __init__(self, scenario: Scenario, detail: str) -> None:
+        self.scenario, self.in_memory = scenario, detail != FULL
         self.place = _built(scenario.text("scene"), int(scenario.number("seed"))).home_enu
-        self.mavlink_port = MAVLINK_PORT if cheap else free_port()
+        self.mavlink_port = MAVLINK_PORT if self.in_memory else free_port()
         lidar_port = free_port()  # bound in memory, too, for a moment
         rngs = [
             np.random.default_rng(s) for s in np.random.SeedSequence(int(scenario.number("seed"))).spawn(3)
         ]
-        wire: Wire = MemoryWire() if cheap else open_wire(f"udpout:{LOCAL}:{self.mavlink_port}")
+        wire: Wire = MemoryWire() if self.in_memory else open_wire(f"udpout:{LOCAL}:{self.mavlink_port}")
         self.sim = Simulation(
             _scene(scenario),
             [FaultyWire(wire, rngs[0], lambda: self.sim.now_ns)],
@@ -126,7 +131,7 @@ class SearchFlight(Mission):
             parameters=AUTOPILOT,
             pilot_height_m=HEIGHT_M,
             ready_after_s=0.1,
-            **(CHEAP if cheap else FULL),
+            **DETAILS[detail],
         )
         self.lidar = f"livox:{LOCAL}:{lidar_port}"
         self._lidar_port = lidar_port
@@ -134,7 +139,7 @@ class SearchFlight(Mission):
         self.auto, self.record, self.front = False, None, None
         self._take_off()
         self.has_taken_off = self.sim.vehicle.collision is None
-        self.loop = self._in_memory(wire) if cheap else SlowLoop(self.sim.advance)
+        self.loop = self._without_sockets(wire) if self.in_memory else SlowLoop(self.sim.advance)
         self.loop.late_s = scenario.number("late_s")
         self.sim.router.model = LinkModel(delay_s=scenario.number("link_delay_s"))
         self.hazard = None if scenario.text("hazard") == "none" else Hazard(scenario, self.kept_en_m)
@@ -164,7 +169,7 @@ class SearchFlight(Mission):
             self.sim.advance()
         self.sim.lidar_on = True
 
-    def _in_memory(self, wire: Wire) -> MemoryLoop:
+    def _without_sockets(self, wire: Wire) -> MemoryLoop:
         """Join companion and simulator without sockets."""
         assert isinstance(wire, MemoryWire)
         assert isinstance(self.sim.lidar, UdpPort)
@@ -192,7 +197,7 @@ class SearchFlight(Mission):
             self._order()
             await asyncio.sleep(ORDER_AGAIN_S)
         self._ordered_s = self.loop.time()
-        if self.cheap:
+        if self.in_memory:
             self._silence_station()
         while self.sim.autopilot.armed and self.loop.time() < end_s and not self._is_over():
             if self.task.done():
@@ -324,17 +329,17 @@ class _WarmUp:
 _warm_up = _WarmUp()
 
 
-def fly(scenario: Scenario, *, cheap: bool = True, weakness: Weakness | None = None) -> Outcome:
-    """Fly a scenario with the program as it is, or with a weakness planted in it."""
+def fly(scenario: Scenario, detail: str = CHEAP, *, weakness: Weakness | None = None) -> Outcome:
+    """Fly a scenario in one of `DETAILS` with the program as it is, or with a weakness planted in it."""
     for _ in range(PORT_TRIES - 1):
         with suppress(UsageError):  # another program took the LiDAR's port in between
-            return _fly(scenario, cheap, weakness)
-    return _fly(scenario, cheap, weakness)
+            return _fly(scenario, detail, weakness)
+    return _fly(scenario, detail, weakness)
 
 
-def _fly(scenario: Scenario, cheap: bool, weakness: Weakness | None) -> Outcome:
+def _fly(scenario: Scenario, detail: str, weakness: Weakness | None) -> Outcome:
     started_s = time.process_time()
-    flight = SearchFlight(scenario, cheap=cheap)
+    flight = SearchFlight(scenario, detail)
     with ExitStack() as stack:
         stack.enter_context(mock.patch.object(app, "gc"))  # a full collection costs as much as 5 s of flight
         stack.enter_context(mock.patch.object(pipeline_worker, "warm_up", _warm_up))

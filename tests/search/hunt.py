@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.search.flight import CHEAP, REFUSED, TAKEN, Outcome
+from tests.search.flight import COARSE, DETAILS, REFUSED, TAKEN, Outcome
 from tests.search.flights import Fly, FlyAll, flying
 from tests.search.flown_file import Flown, FlownFile, InputError
 from tests.search.niche_search import next_generation
@@ -50,7 +50,7 @@ class Hunt:
     ) -> None:
         self._fly, self._seed, self._jobs, self._confirm = fly, seed, jobs, confirm
         fields = ("scenario", "failure", *(field.name for field in fields_of(Outcome)))
-        self._file = FlownFile(path, {"search": path.stem, "seed": seed, "cheap": CHEAP}, fields)
+        self._file = FlownFile(path, {"search": path.stem, "seed": seed, COARSE: DETAILS[COARSE]}, fields)
         try:
             scenarios = [Scenario.of(**one["scenario"]) for one in self.flown]
         except (TypeError, ValueError) as error:

@@ -191,7 +191,7 @@ def rounded(part: Range, value: float) -> float:
     return float(round(inside)) if part.whole else float(round(inside, 4))
 
 
-KEPT = ("scenario", "weakness", "found", "outcome", "program")  # of the file of a failure
+KEPT = ("scenario", "weakness", "detail", "found", "outcome", "program")  # of the file of a failure
 
 
 def read(path: Path) -> Scenario:
