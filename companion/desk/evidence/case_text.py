@@ -13,6 +13,7 @@ TITLE = "Evidence for the safety of landings with slz"
 NOT_COUNTED = "not counted"
 FLOWN = ("campaign", "landings", "soak", "counts")
 MEASURES = {
+    "begun": ("landings begun, counted by other tools", "ended unsafe"),
     "touchdowns": ("touchdowns by the companion", "on unsafe ground"),
     "collisions": ("flights not brought down by the pilot or a failsafe", "with a collision"),
     "commands": ("flights", "with a command against the pilot or a failsafe"),

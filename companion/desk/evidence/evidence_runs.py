@@ -7,7 +7,7 @@ from dataclasses import dataclass
 UNKNOWN_VERSION = ""
 SIMULATION = "simulation"
 ENVIRONMENTS = (SIMULATION, "recording", "hardware", "flight")
-MEASURES = ("touchdowns", "collisions", "commands", "by_others")
+MEASURES = ("begun", "touchdowns", "collisions", "commands", "by_others")
 UNITS = {"test": "tests", "campaign": "flights", "landings": "flights", "counts": "flights",
          "fuzz": "inputs", "soak": "soaks"}  # fmt: skip
 
@@ -23,7 +23,8 @@ class Runs:
     ----------
     source
         Kind of evidence: test, campaign, landings, fuzz, soak, counts; or a measure over several kinds:
-        touchdowns, collisions, commands, by_others (brought down by the pilot or a failsafe).
+        begun (landings, by counts alone), touchdowns, collisions, commands, by_others (brought down by the
+        pilot or a failsafe).
     variant
         Test's node ID, fault, kind of flight, harness, clock, or the tool and hazard of a count.
     failures

@@ -19,6 +19,7 @@ from companion.desk.evidence.fuzz_and_soak import FUZZ, SOAK
 from companion.runtime.program_version import program_version
 
 COUNTS, COUNTS_FORMAT, COUNTS_VERSION = "counts", "slz-counts", 1
+BEGUN = "begun"
 ENDS = ("safe", "refused", "aborted", "failsafe", "unsafe")
 INDEPENDENT, ADAPTIVE = "independent", "adaptive"
 RESERVED = ("test", CAMPAIGN, LANDINGS, FUZZ, SOAK)  # they have artefacts of their own
@@ -65,7 +66,7 @@ def counts_document(
 
 
 def read_counts(document: Fields) -> list[Runs]:
-    """Return all flights of a document, its touchdowns, and the flights of each hazard.
+    """Return all flights of a document, its landings begun, its touchdowns, and the flights of each hazard.
 
     Raises
     ------
@@ -89,8 +90,10 @@ def read_counts(document: Fields) -> list[Runs]:
         raise document.bad("flights", f"one flight for each seed, {seeds},")
     what = f"{tool}: {unsafe} unsafe of {flights}" if unsafe else ""
     touchdowns = total["safe"] + unsafe
+    begun = touchdowns + total["aborted"]
     found = [
         Runs(COUNTS, f"{tool}:", runs=flights, failures=unsafe, unsafe=unsafe, what=what, **common),
+        Runs(BEGUN, tool, runs=begun, failures=unsafe, unsafe=unsafe, what=what, **common),
         Runs(TOUCHDOWNS, tool, runs=touchdowns, failures=unsafe, unsafe=unsafe, what=what, **common),
     ]
     hazards = document.part("by_hazard")

@@ -93,8 +93,8 @@ class SafetyCase:
     hazards
         Those that failed first, then those without evidence; of each state the most severe first.
     measures
-        Touchdowns, collisions, commands against the pilot, and ends under the pilot or a failsafe, over all
-        kinds of flights.
+        Landings begun by counts; touchdowns, collisions, commands against the pilot, and ends under the pilot
+        or a failsafe, over all kinds of flights.
     unlinked
         Failures of runs that no hazard of the list names.
     equal_counts

@@ -155,9 +155,10 @@ def test_without_the_number_of_failed_inputs_and_with_grown_memory_at_least_so_m
     assert (run.failures, run.what, run.at_least) == (failures, said, True)
 
 
-def test_counts_of_any_tool_are_flights_touchdowns_and_hazards(tmp_path: Path) -> None:
+def test_counts_of_any_tool_are_flights_landings_touchdowns_and_hazards(tmp_path: Path) -> None:
     assert numbers(written(tmp_path, "counts.json", counts(safe=9_988, unsafe=2))) == {
         "counts search:": (10_000, 2, 2, 0),
+        "begun search": (9_994, 2, 2, 0),
         "touchdowns search": (9_990, 2, 2, 0),
         "counts search:box": (100, 0, 0, 0),
     }

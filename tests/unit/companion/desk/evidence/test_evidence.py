@@ -77,6 +77,15 @@ def test_digests_seeds_and_bounds_are_on_the_page(tmp_path: Path) -> None:
         assert expected in text
 
 
+def test_what_was_broken_off_is_a_landing_begun_and_what_was_refused_is_none(tmp_path: Path) -> None:
+    some = counts(program=program_version(), safe=4_000, refused=900, aborted=5_000, by_hazard={})
+    some |= {"failsafe": 100}
+    expected = (
+        "simulation: 9,000 landings begun, counted by other tools, 0 ended unsafe; at most 0.034 % at 95 %."
+    )
+    assert expected in evidence.run(tmp_path, [written(tmp_path, "counts.json", some)])["headline"]
+
+
 def test_the_number_of_flights_that_were_reported_twice_is_on_the_page(tmp_path: Path) -> None:
     reported = [counts(program=program_version()), counts(program=program_version(), seeds=[[2_000, 12_000]])]
     paths = [written(tmp_path, f"{k}.json", each) for k, each in enumerate(reported)]
