@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import functools
 import itertools
+import time
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -22,10 +23,20 @@ LONGEST_S = 300.0
 GUIDED, LAND = 4, 9
 
 
-def virtually(test: Callable[[], Coroutine[Any, Any, None]]) -> None:
-    """Run a coroutine on a loop whose time passes whenever nothing else is to do."""
+def virtually(test: Callable[[], Coroutine[Any, Any, None]], *, kernel_s: float = 0.0) -> None:
+    """Run a coroutine on a loop whose time passes whenever nothing else is to do.
+
+    kernel_s: real time that the kernel has at each step. A socket delivers at once; the bytes of a terminal
+    are carried by a thread of the kernel, which must have run before nothing else is to do.
+    """
     steps: Iterator[int] = itertools.count(STEP_NS, STEP_NS)
-    loop = LockstepLoop(lambda: next(steps))
+
+    def step() -> int:
+        if kernel_s:
+            time.sleep(kernel_s)
+        return next(steps)
+
+    loop = LockstepLoop(step)
     try:
         loop.run_until_complete(asyncio.wait_for(test(), LONGEST_S))
     finally:

@@ -187,6 +187,9 @@ def test_a_peer_that_reads_nothing_costs_no_memory() -> None:
 # ---- serial -------------------------------------------------------------------------------------
 
 
+KERNEL_S = 0.0005  # at each step, to carry the bytes of a terminal
+
+
 @contextmanager
 def terminal() -> Iterator[tuple[int, str]]:
     """Give the descriptor of a pseudo-terminal's far end and the name of its near end."""
@@ -224,7 +227,7 @@ def test_a_serial_port_carries_both_ways() -> None:
                 await asyncio.sleep(0.01)
                 assert os.read(far, 4096) == everything
 
-    virtually(script)
+    virtually(script, kernel_s=KERNEL_S)
 
 
 def test_an_unplugged_device_is_opened_again_when_it_is_back() -> None:
@@ -244,7 +247,7 @@ def test_an_unplugged_device_is_opened_again_when_it_is_back() -> None:
                 os.write(far, b"two")
                 await until(lambda: ends.data == b"onetwo")
 
-    virtually(script)
+    virtually(script, kernel_s=KERNEL_S)
 
 
 def test_a_stalled_line_neither_blocks_the_program_nor_delays_closing() -> None:
@@ -258,7 +261,7 @@ def test_a_stalled_line_neither_blocks_the_program_nor_delays_closing() -> None:
                 begun = loop.time()
             assert loop.time() - begun < 0.1
 
-    virtually(script)
+    virtually(script, kernel_s=KERNEL_S)
 
 
 def test_after_a_stall_the_line_delivers_what_it_took_in_order() -> None:
@@ -279,7 +282,7 @@ def test_after_a_stall_the_line_delivers_what_it_took_in_order() -> None:
                 assert data == b"".join(n.to_bytes(4, "big") for n in range(written))
                 assert written * 4 > MAX_BACKLOG_BYTES
 
-    virtually(script)
+    virtually(script, kernel_s=KERNEL_S)
 
 
 def test_the_link_flies_over_a_serial_line() -> None:
@@ -302,7 +305,7 @@ def test_the_link_flies_over_a_serial_line() -> None:
                 assert link.statistics().bad == 0
             loop.remove_reader(far)
 
-    virtually(script)
+    virtually(script, kernel_s=KERNEL_S)
 
 
 # ---- what no retry can help ---------------------------------------------------------------------
