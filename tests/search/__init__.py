@@ -1,1 +1,1 @@
-"""Rare-event search: adaptive search for unsafe touchdowns on flights in memory (`python -m tests.search`)."""
+"""Rare-event search: adaptive search for unsafe touchdowns, on flights in memory (`-m tests.search`)."""
