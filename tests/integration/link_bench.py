@@ -26,8 +26,8 @@ GUIDED, LAND = 4, 9
 def virtually(test: Callable[[], Coroutine[Any, Any, None]], *, kernel_s: float = 0.0) -> None:
     """Run a coroutine on a loop whose time passes whenever nothing else is to do.
 
-    kernel_s: real time that the kernel has at each step. A socket delivers at once; the bytes of a terminal
-    are carried by a thread of the kernel, which must have run before nothing else is to do.
+    kernel_s: real time left at each step. A socket delivers at once, but a thread of the kernel carries the
+    bytes of a terminal: without this, time passes before they have arrived.
     """
     steps: Iterator[int] = itertools.count(STEP_NS, STEP_NS)
 
