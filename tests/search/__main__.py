@@ -18,20 +18,20 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from companion.runtime.program_version import program_version
 from tests.search import counts, equality
 from tests.search.flight import CHEAP, COARSE, DETAILS, TAKEN, UNSAFE, fly
+from tests.search.flights import Flier
 from tests.search.flown_file import InputError, read_object
 from tests.search.hunt import Hunt, is_failure
 from tests.search.scenario import Scenario, one_trouble, read, uniform
 from tests.search.shrink import shrink
 from tests.search.weaknesses import WEAKNESSES, all_at_once
 
-coarsely = partial(fly, detail=COARSE)
+coarsely = Flier(COARSE)
 
 
 def main() -> None:
@@ -108,7 +108,7 @@ def _plant(own: argparse.Namespace) -> int:
         started_s = time.process_time()
         hunt = Hunt(
             own.out / f"{name}.jsonl",
-            partial(coarsely, weakness=WEAKNESSES[name]),
+            Flier(COARSE, WEAKNESSES[name]),
             own.seed,
             own.jobs,
             confirm=_is_safe_without,
@@ -133,34 +133,32 @@ def _is_safe_without(scenario: Scenario) -> bool:
 def _keep(own: argparse.Namespace, scenario: Scenario, name: str, weakness: str | None) -> Scenario:
     """Shrink a failure and write it, once; return the minimal scenario."""
     path = own.out / "failures" / f"{name}.json"
-    made_of = {"found": scenario.changed(), "detail": COARSE, "program": program_version()}
+    made_of = {"found": scenario.changed(), "detail": coarsely.detail, "program": program_version()}
     if path.exists() and made_of.items() <= read_object(path).items():
         return read(path)
-    planted = None if weakness is None else WEAKNESSES[weakness]
+    planted = Flier(COARSE, None if weakness is None else WEAKNESSES[weakness])
 
     def fails(one: Scenario) -> bool:
-        outcome = coarsely(one, weakness=planted)
-        return outcome.unsafe and outcome.end != TAKEN and (planted is None or _is_safe_without(one))
+        outcome = planted(one)
+        return outcome.unsafe and outcome.end != TAKEN and (weakness is None or _is_safe_without(one))
 
     minimal = shrink(scenario, fails, own.flights_to_shrink)
     path.parent.mkdir(parents=True, exist_ok=True)
     document = {"scenario": minimal.changed(), "weakness": weakness} | made_of
-    document["outcome"] = asdict(coarsely(minimal, weakness=planted))
+    document["outcome"] = asdict(planted(minimal))
     path.write_text(json.dumps(document, indent=1) + "\n", "utf-8")
     return minimal
 
 
 def _count(own: argparse.Namespace) -> int:
-    planted = partial(coarsely, weakness=all_at_once)
     path = own.out / ("planted_landings.json" if own.planted else "cheap_landings.json")
     found = counts.count(
         path,
         own.landings,
-        planted if own.planted else fly,
+        Flier(COARSE, all_at_once) if own.planted else Flier(CHEAP),
         own.seed,
         uniform if own.planted else one_trouble,
         own.jobs,
-        COARSE if own.planted else CHEAP,
     )
     line = {name: found[name] for name in ("landings", "ends", "least_margin", "cpu_s")}
     if own.planted:

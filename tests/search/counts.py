@@ -13,8 +13,8 @@ import numpy as np
 
 from companion.desk.evidence.landing_counts import counts_document
 from companion.runtime.program_version import program_version
-from tests.search.flight import CHEAP, DETAILS, ENDS, UNSAFE, Outcome
-from tests.search.flights import flying
+from tests.search.flight import ENDS, UNSAFE, Outcome
+from tests.search.flights import Flier, flying
 from tests.search.flown_file import InputError, read_object
 from tests.search.scenario import Scenario, one_trouble
 
@@ -28,15 +28,14 @@ Draw = Callable[[np.random.Generator], Scenario]
 def count(
     path: Path,
     landings: int,
-    fly: Callable[[Scenario], Outcome],
+    flier: Flier,
     seed: int = 1,
     draw: Draw = one_trouble,
     jobs: int = 1,
-    detail: str = CHEAP,
 ) -> dict[str, Any]:
     """Fly drawn landings from the number that the file ends with, up to so many in all; return the counts.
 
-    jobs: processes that fly; with more than one, `fly` must be picklable. detail: of its flights.
+    jobs: processes that fly; with more than one, `flier` must be picklable.
 
     Raises
     ------
@@ -44,9 +43,9 @@ def count(
         The file was counted by another version of the program, with another seed or another flight, or is
         damaged.
     """
-    counts = read(path, seed, detail)
+    counts = _read(path, seed, flier)
     scenarios = [numbered(counts["seed"], number, draw) for number in range(counts["landings"], landings)]
-    with flying(fly, jobs) as fly_all:
+    with flying(flier, jobs) as fly_all:
         for scenario, outcome in zip(scenarios, fly_all(scenarios), strict=True):
             _add(counts, scenario, outcome)
             if counts["landings"] % KEEP_EVERY == 0 or counts["landings"] == landings:
@@ -59,30 +58,30 @@ def numbered(seed: int, number: int, draw: Draw = one_trouble) -> Scenario:
     return draw(np.random.default_rng([seed, number]))
 
 
-def read(path: Path, seed: int = 1, detail: str = CHEAP) -> dict[str, Any]:
+def _read(path: Path, seed: int, flier: Flier) -> dict[str, Any]:
     """Return the counts of a file, or those before the first landing."""
     if path.exists():
         found = read_object(path)
-        own = {"program": program_version(), "seed": seed, detail: DETAILS[detail]}
+        own = {"program": program_version(), "seed": seed} | flier.head
         says = {name: found.get(name) for name in own}
         if says != own:
             raise InputError(
                 f"{path} was counted by another version of the program, with another seed or another"
                 f" flight: it says {says}, this is {own}: use another folder"
             )
-        if not _agree(found, _nothing(seed, detail).keys()):
+        if not _agree(found, _nothing(seed, flier).keys()):
             raise InputError(f"{path} is damaged, its counts do not agree: use another folder")
         return found
-    return _nothing(seed, detail)
+    return _nothing(seed, flier)
 
 
-def _nothing(seed: int, detail: str) -> dict[str, Any]:
+def _nothing(seed: int, flier: Flier) -> dict[str, Any]:
     """Return the counts before the first landing."""
     return {
-        "kind": f"{detail} landings",
+        "kind": f"{flier.detail} landings",
         "program": program_version(),
         "seed": seed,
-        detail: DETAILS[detail],
+        **flier.head,
         "landings": 0,
         "ends": dict.fromkeys(ENDS, 0),
         "by_hazard": {},

@@ -1,4 +1,4 @@
-"""Flights of many scenarios, in order, by one process or several."""
+"""What flies scenarios, and flights of many, in order, by one process or several."""
 
 from __future__ import annotations
 
@@ -7,23 +7,51 @@ import logging
 import multiprocessing
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
-from tests.search.flight import Outcome
+from tests.search.flight import CHEAP, DETAILS, Outcome, Weakness, fly
 from tests.search.scenario import Scenario
 
-Fly = Callable[[Scenario], Outcome]
 FlyAll = Callable[[Iterable[Scenario]], Iterator[Outcome]]
 
 
+@dataclass(frozen=True, slots=True)
+class Flier:
+    """Flies scenarios in one detail, with a weakness or without, and says so in the files of its flights.
+
+    Attributes
+    ----------
+    detail
+        One of `DETAILS`.
+    weakness
+        Planted in the program; None is the program as it is.
+    fly
+        Makes the outcome.
+    """
+
+    detail: str = CHEAP
+    weakness: Weakness | None = None
+    fly: Callable[..., Outcome] = fly
+
+    @property
+    def head(self) -> dict[str, Any]:
+        """The detail and its figures, for the head of a file."""
+        return {self.detail: DETAILS[self.detail]}
+
+    def __call__(self, scenario: Scenario) -> Outcome:
+        return self.fly(scenario, self.detail, weakness=self.weakness)
+
+
 @contextmanager
-def flying(fly: Fly, jobs: int) -> Iterator[FlyAll]:
-    """Yield what gives the outcomes of scenarios in order; with several jobs, `fly` must be picklable."""
+def flying(flier: Flier, jobs: int) -> Iterator[FlyAll]:
+    """Yield what gives the outcomes of scenarios in order; with several jobs, `flier` must be picklable."""
     if jobs == 1:
-        yield partial(map, fly)
+        yield partial(map, flier)
         return
     with multiprocessing.get_context("forkserver").Pool(jobs, _quiet) as pool:
-        yield partial(pool.imap, fly)
+        yield partial(pool.imap, flier)
 
 
 def _quiet() -> None:

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from tests.search.flight import COARSE, DETAILS, REFUSED, TAKEN, Outcome
-from tests.search.flights import Fly, FlyAll, flying
+from tests.search.flight import REFUSED, TAKEN, Outcome
+from tests.search.flights import Flier, FlyAll, flying
 from tests.search.flown_file import Flown, FlownFile, InputError
 from tests.search.niche_search import next_generation
 from tests.search.scenario import Scenario
@@ -27,10 +27,10 @@ class Hunt:
     ----------
     path
         File of flights, see `FlownFile`.
-    fly
-        Flies a scenario.
+    flier
+        Flies the scenarios; the file says in which detail.
     jobs
-        Processes that fly; with more than one, `fly` must be picklable.
+        Processes that fly; with more than one, `flier` must be picklable.
     confirm
         Says whether an unsafe touchdown is what is hunted; None takes each.
 
@@ -43,14 +43,14 @@ class Hunt:
     def __init__(
         self,
         path: Path,
-        fly: Fly,
+        flier: Flier,
         seed: int,
         jobs: int = 1,
         confirm: Callable[[Scenario], bool] | None = None,
     ) -> None:
-        self._fly, self._seed, self._jobs, self._confirm = fly, seed, jobs, confirm
+        self._flier, self._seed, self._jobs, self._confirm = flier, seed, jobs, confirm
         fields = ("scenario", "failure", *(field.name for field in fields_of(Outcome)))
-        self._file = FlownFile(path, {"search": path.stem, "seed": seed, COARSE: DETAILS[COARSE]}, fields)
+        self._file = FlownFile(path, {"search": path.stem, "seed": seed} | flier.head, fields)
         try:
             scenarios = [Scenario.of(**one["scenario"]) for one in self.flown]
         except (TypeError, ValueError) as error:
@@ -67,7 +67,7 @@ class Hunt:
     def run(self, budget: int, *, failures: int = 1) -> list[Scenario]:
         """Fly until as many failures are found or the budget is flown; return the failures."""
         if len(self.flown) < budget and len(self.failures) < failures:
-            with flying(self._fly, self._jobs) as fly_all:
+            with flying(self._flier, self._jobs) as fly_all:
                 self._fly_generations(fly_all, budget, failures)
         return self.failures
 

@@ -16,7 +16,8 @@ from companion.runtime.program_version import program_version
 from tests.search import counts
 from tests.search.__main__ import main
 from tests.search.equality import figures
-from tests.search.flight import SAFE, TAKEN, UNSAFE, Outcome, end_of
+from tests.search.flight import COARSE, DETAILS, SAFE, TAKEN, UNSAFE, Outcome, end_of
+from tests.search.flights import Flier
 from tests.search.flown_file import InputError
 from tests.search.hunt import GENERATION, Hunt
 from tests.search.niche_search import FIRST, next_generation
@@ -35,7 +36,7 @@ from tests.search.scenario import (
 from tests.search.scored import Scored
 from tests.search.shrink import shrink
 from tests.search.surprise import surprises
-from tests.search.weaknesses import turn_deg
+from tests.search.weaknesses import WEAKNESSES, turn_deg
 
 PEAK = {"wind_ms": 6.0, "wind_from_deg": 350.0, "hazard_height_m": 1.1, "hazard_below_m": 4.4}
 
@@ -58,6 +59,10 @@ def narrow(scenario: Scenario) -> Outcome:
         off = min(off, span - off) if name.endswith("_deg") else off
         share *= max(0.0, 1.0 - off / (0.6 * span))
     return outcome(0.7 - share)
+
+
+def flier(outcome_of: Callable[[Scenario], Outcome] = narrow, detail: str = COARSE) -> Flier:
+    return Flier(detail, None, lambda scenario, _, weakness: outcome_of(scenario))
 
 
 def test_a_scenario_names_its_parameters() -> None:
@@ -95,35 +100,35 @@ def test_the_search_finds_what_even_draws_miss(tmp_path: Path) -> None:
     rng = np.random.default_rng(7)
     assert not any(narrow(uniform(rng)).unsafe for _ in range(2000))
     for seed in range(3):
-        hunt = Hunt(tmp_path / f"{seed}.jsonl", narrow, seed)
+        hunt = Hunt(tmp_path / f"{seed}.jsonl", flier(), seed)
         assert len(hunt.run(800)) == 1
         assert narrow(hunt.failures[0]).unsafe
 
 
 def test_a_hunt_goes_past_failures_that_are_not_what_is_hunted(tmp_path: Path) -> None:
     path = tmp_path / "hunt.jsonl"
-    strict = Hunt(path, narrow, 1, confirm=lambda scenario: scenario.number("wind_ms") > 6.0)
+    strict = Hunt(path, flier(), 1, confirm=lambda scenario: scenario.number("wind_ms") > 6.0)
     (found,) = strict.run(2000)
     others = [one for one in strict.flown if one["margin"] < 0.0 and not one["failure"]]
     assert found.number("wind_ms") > 6.0
     assert all(one["scenario"]["wind_ms"] <= 6.0 for one in others)
-    assert Hunt(path, narrow, 1).failures == [found]
+    assert Hunt(path, flier(), 1).failures == [found]
 
 
 def test_a_hunt_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
-    whole, parts = (Hunt(tmp_path / name, narrow, 1) for name in ("whole.jsonl", "parts.jsonl"))
+    whole, parts = (Hunt(tmp_path / name, flier(), 1) for name in ("whole.jsonl", "parts.jsonl"))
     whole.run(3 * GENERATION + 5, failures=9)
     parts.run(GENERATION + 7, failures=9)
     with (tmp_path / "parts.jsonl").open("a") as file:
         file.write('{"scenario": {"wi')  # the computer went off
-    again = Hunt(tmp_path / "parts.jsonl", narrow, 1)
+    again = Hunt(tmp_path / "parts.jsonl", flier(), 1)
     again.run(3 * GENERATION + 5, failures=9)
     assert again.flown == whole.flown
 
 
 def test_failures_and_failsafes_are_no_examples(tmp_path: Path) -> None:
     ends = iter([outcome(-0.5), outcome(-0.4, "failsafe"), *(outcome(0.5 + 0.01 * n) for n in range(100))])
-    hunt = Hunt(tmp_path / "hunt.jsonl", lambda _: next(ends), 1)
+    hunt = Hunt(tmp_path / "hunt.jsonl", flier(lambda _: next(ends)), 1)
     assert len(hunt.run(70, failures=2)) == 1
     assert len(hunt.flown) == 70
     scenarios = [Scenario.of(**one["scenario"]) for one in hunt.flown]
@@ -240,8 +245,8 @@ def test_shrinking_keeps_to_its_flights_and_never_loses_the_failure() -> None:
     assert fails_by_wind_and_box(minimal)
 
 
-def counted(path: Path, landings: int, fly: Callable[[Scenario], Outcome] = narrow) -> dict[str, object]:
-    found = counts.count(path, landings, fly)
+def counted(path: Path, landings: int) -> dict[str, object]:
+    found = counts.count(path, landings, flier())
     return {name: value for name, value in found.items() if name != "updated"}
 
 
@@ -255,7 +260,7 @@ def test_counts_go_on_where_they_were_stopped(tmp_path: Path) -> None:
 
 
 def test_an_unsafe_landing_is_counted_with_its_scenario(tmp_path: Path) -> None:
-    found = counts.count(tmp_path / "counts.json", 3, lambda _: outcome(-0.2))
+    found = counts.count(tmp_path / "counts.json", 3, flier(lambda _: outcome(-0.2)))
     assert found["ends"]["unsafe"] == 3
     assert found["least_margin"] == -0.2
     assert [one["number"] for one in found["unsafe"]] == [0, 1, 2]
@@ -303,13 +308,13 @@ def test_the_default_scenario_is_one_in_which_nothing_happens() -> None:
 
 def test_counts_are_evidence_of_this_version_and_go_on_with_no_other(tmp_path: Path) -> None:
     path = tmp_path / "counts.json"
-    document = counts.evidence(counts.count(path, 4, lambda _: outcome(0.3)))
+    document = counts.evidence(counts.count(path, 4, flier(lambda _: outcome(0.3))))
     (flights, *_) = read_counts(Fields("counts.json", document))
     assert (flights.runs, flights.unsafe) == (4, 0)
     assert (document["program"], document["safe"]) == (program_version(), 4)
     path.write_text(path.read_text().replace(program_version(), "0.1.0+0"))
     with pytest.raises(ValueError, match="another version"):
-        counts.count(path, 5, lambda _: outcome(0.3))
+        counts.count(path, 5, flier(lambda _: outcome(0.3)))
 
 
 def test_only_parameters_that_act_are_changed() -> None:
@@ -339,25 +344,50 @@ def test_a_hunt_goes_on_with_no_file_of_another(
     tmp_path: Path, change: Callable[[str], str], seed: int, told: str
 ) -> None:
     path = tmp_path / "hunt.jsonl"
-    Hunt(path, narrow, 1).run(3)
+    Hunt(path, flier(), 1).run(3)
     path.write_text(change(path.read_text()))
     with pytest.raises(InputError, match=told):
-        Hunt(path, narrow, seed)
+        Hunt(path, flier(), seed)
 
 
 def test_counts_of_another_flight_are_not_gone_on_with(tmp_path: Path) -> None:
     path = tmp_path / "counts.json"
-    counts.count(path, 4, lambda _: outcome(0.3))
+    counts.count(path, 4, flier(detail="cheap"))
+    with pytest.raises(InputError, match="another flight"):
+        counts.count(path, 5, flier(detail="coarse"))
     path.write_text(path.read_text().replace('"lidar_ms": ', '"lidar_ms": 9'))
     with pytest.raises(InputError, match="another flight"):
-        counts.count(path, 5, lambda _: outcome(0.3))
+        counts.count(path, 5, flier(detail="cheap"))
+
+
+@pytest.mark.parametrize("detail", DETAILS)
+def test_files_say_the_detail_of_the_flights_in_them(tmp_path: Path, detail: str) -> None:
+    counts.count(tmp_path / "counts.json", 1, flier(detail=detail))
+    Hunt(tmp_path / "hunt.jsonl", flier(detail=detail), 1).run(1)
+    counted, hunted = (
+        json.loads((tmp_path / name).read_text().partition(end)[0])
+        for name, end in (("counts.json", "\0"), ("hunt.jsonl", "\n"))
+    )
+    assert counted[detail] == hunted[detail] == DETAILS[detail]
+    assert counted["kind"] == f"{detail} landings"
+
+
+def test_a_flier_flies_in_its_detail_and_with_its_weakness() -> None:
+    flown = []
+
+    def fly(*how: object, **more: object) -> Outcome:
+        flown.append((how, more))
+        return outcome(0.3)
+
+    Flier("full", WEAKNESSES["crosswind"], fly)(Scenario.of())
+    assert flown == [((Scenario.of(), "full"), {"weakness": WEAKNESSES["crosswind"]})]
 
 
 def test_counts_of_another_seed_are_not_gone_on_with(tmp_path: Path) -> None:
     path = tmp_path / "counts.json"
-    counts.count(path, 4, lambda _: outcome(0.3), seed=1)
+    counts.count(path, 4, flier(lambda _: outcome(0.3)), seed=1)
     with pytest.raises(InputError, match="another seed"):
-        counts.count(path, 5, lambda _: outcome(0.3), seed=7)
+        counts.count(path, 5, flier(lambda _: outcome(0.3)), seed=7)
 
 
 @pytest.mark.parametrize(
@@ -375,10 +405,10 @@ def test_counts_of_another_seed_are_not_gone_on_with(tmp_path: Path) -> None:
 )
 def test_damaged_counts_are_not_gone_on_with(tmp_path: Path, change: dict[str, object]) -> None:
     path = tmp_path / "counts.json"
-    counts.count(path, 4, lambda _: outcome(0.3))
+    counts.count(path, 4, flier(lambda _: outcome(0.3)))
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises(InputError, match="its counts do not agree"):
-        counts.count(path, 5, lambda _: outcome(0.3))
+        counts.count(path, 5, flier(lambda _: outcome(0.3)))
 
 
 def test_what_was_unsafe_before_a_failsafe_took_over_is_the_companions() -> None:
