@@ -98,6 +98,7 @@ def _scored(flown: Sequence[Flown]) -> list[Scored]:
     return [
         Scored(
             one["score"],
+            one["margin"],
             min(one["response"].values(), default=1.0),
             each,
             f"{one['end']} {sorted(one['response'])}",

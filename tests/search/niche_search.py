@@ -6,9 +6,11 @@ end and what was answered, with a fault and without, with a hazard and without, 
 those of the least score, those that answered latest, and those that answered later than expected
 (`surprise.py`): what is answered late while nothing is near becomes unsafe by one more change. Niches that
 lately became better are drawn from more often, and half of what is drawn has no fault. Nearly half of all
-flights vary the most surprising by each part of the response, in a few parameters: among so many niches they
-would come seldom. A vehicle that comes down beside the point is safe there unless something stands in this
-place: half of the variations put a hazard there.
+flights vary the most surprising by each part of the response in a few parameters, for among so many niches
+they would come seldom, or cross them with the flight of their family that came nearest. Where both a fault
+and a hazard came, a quarter of these leave one of them out, for one trouble may hide what the other does. A
+vehicle that comes down beside the point is safe there unless something stands in this place: half of the
+variations put a hazard there.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from collections.abc import Callable, Hashable, Sequence
 import numpy as np
 
 from tests.search.scenario import (
+    DEFAULTS,
     SPACE,
     Choice,
     Range,
@@ -45,6 +48,8 @@ ELITE = 2  # of a niche, by score, response and surprise each
 LATELY, MORE_OFTEN = 60, 20.0  # flights ago; weight of a niche that became better since
 PLAIN_SHARE = 0.5  # of those drawn: without a fault, which makes answers late by itself
 MISSED_M, TO_MEET_SHARE = 1.0, 0.5  # touchdowns so far from the point get a hazard there, so often
+CROSSED_SHARE = 0.35  # of what surprises: two flights of one family
+ALONE_SHARE = 0.25  # of the variations of what surprises: fault and hazard not together
 CHANGES, FEW_CHANGES = (1, 4), (1, 2)  # parameters that are drawn again; of what surprises
 NEAR = (0.02, 0.2)  # of a range: changes that are none to somewhere else, as often small as large
 
@@ -91,7 +96,7 @@ def _one(rng: np.random.Generator, elites: _Elites, surprising: Surprising) -> S
     if kind < NEW_SHARE:
         return telling(rng)
     if kind < NEW_SHARE + SURPRISING_SHARE and (best := surprising.drawn(rng)) is not None:
-        return _varied(rng, best, FEW_CHANGES)
+        return _alone(rng, _bred(rng, *best))
     return _varied(rng, elites.drawn(rng), CHANGES)
 
 
@@ -99,6 +104,24 @@ def _varied(rng: np.random.Generator, best: Scored, changes: tuple[int, int]) ->
     if best.missed is not None and best.missed[0] > MISSED_M and rng.random() < TO_MEET_SHARE:
         return _met(rng, best.scenario, *best.missed)
     return _changed(rng, best.scenario, changes)
+
+
+def _bred(rng: np.random.Generator, most: Scored, nearest: Scored) -> Scenario:
+    """Return a scenario that takes each parameter of one of two flights, or varies one of them."""
+    if rng.random() < CROSSED_SHARE:
+        parents = most.scenario, nearest.scenario
+        child = Scenario({name: parents[int(rng.integers(2))].values[name] for name in SPACE})
+        if child not in parents:
+            return child
+    return _varied(rng, (most, nearest)[int(rng.integers(2))], FEW_CHANGES)
+
+
+def _alone(rng: np.random.Generator, scenario: Scenario) -> Scenario:
+    """Return a scenario, now and then without its fault or without its hazard if it has both."""
+    is_spared = rng.random() < ALONE_SHARE
+    name = ("fault", "hazard")[int(rng.integers(2))]
+    both = not any(is_default(scenario, each) for each in ("fault", "hazard"))
+    return scenario.replaced(name, DEFAULTS[name]) if both and is_spared else scenario
 
 
 def _met(rng: np.random.Generator, scenario: Scenario, missed_m: float, missed_deg: float) -> Scenario:

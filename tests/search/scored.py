@@ -10,13 +10,14 @@ from tests.search.scenario import Scenario
 
 @dataclass(frozen=True, slots=True)
 class Scored:
-    """Flight as the search sees it; less is better of score, response (1: at once) and surprises.
+    """Flight as the search sees it; less is better of score, margin, response (1: at once) and surprises.
 
     surprises: by part of the response. missed: distance (m) and compass bearing from the ordered point to the
     touchdown; None without one.
     """
 
     score: float
+    margin: float
     response: float
     surprises: Mapping[str, float]
     behaviour: str

@@ -1,4 +1,4 @@
-"""Most surprising flights, which are varied most, each family less often the more of it were flown."""
+"""Flights of the most surprising families, each drawn less often the more of it were flown."""
 
 from __future__ import annotations
 
@@ -17,10 +17,12 @@ PATIENCE = 40.0  # flights of a family after which it comes half as often
 
 
 class Surprising:
-    """Most surprising flight of each family, by each part of the response, with a fault and without.
+    """Two flights each of the most surprising families, by part of the response, with a fault and without.
 
     A family are the flights that vary one another. What the sensor shows late by its nature stays surprising
-    however often it is varied, and would take all flights; so its share sinks with its size.
+    however often it is varied, and would take all flights; so its share sinks with its size. One of the two
+    flights is the most surprising. The other has the least margin of those at least half as surprising: how
+    late an answer is says little of how near the vehicle came.
     """
 
     def __init__(self, flown: Sequence[Scored]) -> None:
@@ -29,18 +31,20 @@ class Surprising:
         for row, one in enumerate(flown):
             for part in one.surprises:
                 groups.setdefault((part, is_default(one.scenario, "fault")), []).append(row)
-        self._best: list[Scored] = []
+        self._best: list[tuple[Scored, Scored]] = []
         weights = []
         for part, is_plain in sorted(groups):
             ranked = sorted(groups[part, is_plain], key=lambda row: flown[row].surprises[part])
-            for row, size in islice(_families(numbers, ranked), MOST):
-                surprise = max(LEAST_SURPRISE, -flown[row].surprises[part])
-                self._best.append(flown[row])
-                weights.append(surprise**2 / (1.0 + size / PATIENCE))
+            for row, family in islice(_families(numbers, ranked), MOST):
+                most = flown[row].surprises[part]
+                alike = [n for n in ranked if family[n] and flown[n].surprises[part] <= most / 2]
+                nearest = min(alike, key=lambda n: flown[n].margin, default=row)
+                self._best.append((flown[row], flown[nearest]))
+                weights.append(max(LEAST_SURPRISE, -most) ** 2 / (1.0 + family.sum() / PATIENCE))
         self._weights = np.array(weights)
 
-    def drawn(self, rng: np.random.Generator) -> Scored | None:
-        """Return one of them, by the square of its surprise and the size of its family; None without any."""
+    def drawn(self, rng: np.random.Generator) -> tuple[Scored, Scored] | None:
+        """Return those of one family, by the square of its surprise and by its size; None without any."""
         if not self._best:
             return None
         return self._best[int(rng.choice(len(self._best), p=self._weights / self._weights.sum()))]
@@ -54,11 +58,11 @@ def _numbers(scenario: Scenario) -> list[float]:
     ]
 
 
-def _families(numbers: np.ndarray, ranked: Sequence[int]) -> Iterator[tuple[int, int]]:
-    """Yield the first of each family in a sequence of rows, and how many flights the family has."""
+def _families(numbers: np.ndarray, ranked: Sequence[int]) -> Iterator[tuple[int, np.ndarray]]:
+    """Yield the first of each family in a sequence of rows, and for all flights whether they are of it."""
     taken = np.zeros(len(numbers), bool)
     for row in ranked:
         if not taken[row]:
             family = (numbers == numbers[row]).sum(axis=1) >= RELATED
             taken |= family
-            yield row, int(family.sum())
+            yield row, family

@@ -133,7 +133,7 @@ def test_failures_and_failsafes_are_no_examples(tmp_path: Path) -> None:
     assert len(hunt.flown) == 70
     scenarios = [Scenario.of(**one["scenario"]) for one in hunt.flown]
     learnt = [
-        Scored(one["score"], 1.0, {}, "safe []", s)
+        Scored(one["score"], one["score"], 1.0, {}, "safe []", s)
         for one, s in zip(hunt.flown[2:60], scenarios[2:60], strict=True)
     ]
     drawn = next_generation(np.random.default_rng([1, 3]), learnt, GENERATION)
@@ -144,7 +144,7 @@ def test_failures_and_failsafes_are_no_examples(tmp_path: Path) -> None:
 def test_flights_without_a_fault_are_varied_as_often_as_all_others() -> None:
     rng = np.random.default_rng(4)
     flown = [
-        Scored(0.5, 1.0, {}, "aborted []", uniform(rng).replaced("fault", fault))
+        Scored(0.5, 0.5, 1.0, {}, "aborted []", uniform(rng).replaced("fault", fault))
         for fault in FAULTS
         for _ in range(4)
     ]
@@ -156,7 +156,9 @@ def test_flights_without_a_fault_are_varied_as_often_as_all_others() -> None:
 def test_half_of_the_variations_put_a_hazard_where_the_vehicle_came_down_beside_the_point() -> None:
     calm = Scenario.of(hazard_aside_m=0.5, hazard_aside_deg=300.0)
     for missed_m, low, high in ((2.5, 0.25, 0.4), (0.5, 0.0, 0.1)):
-        flown = [Scored(0.5, 0.5, {"accuracy": -4.0}, "safe ['accuracy']", calm, (missed_m, 80.0))] * FIRST
+        flown = [
+            Scored(0.5, 0.5, 0.5, {"accuracy": -4.0}, "safe ['accuracy']", calm, (missed_m, 80.0))
+        ] * FIRST
         drawn = next_generation(np.random.default_rng(2), flown, 400)
         met = [
             one.text("hazard") != "none"
@@ -169,8 +171,8 @@ def test_half_of_the_variations_put_a_hazard_where_the_vehicle_came_down_beside_
 
 def test_the_most_surprising_flights_are_varied_often_among_many_niches() -> None:
     rng = np.random.default_rng(6)
-    flown = [Scored(0.5, 1.0, {"reaction": 0.0}, f"end {n}", uniform(rng)) for n in range(200)]
-    flown += [Scored(0.9, 1.0, {"accuracy": -5.0}, "aborted []", uniform(rng)) for _ in range(2)]
+    flown = [Scored(0.5, 0.5, 1.0, {"reaction": 0.0}, f"end {n}", uniform(rng)) for n in range(200)]
+    flown += [Scored(0.9, 0.9, 1.0, {"accuracy": -5.0}, "aborted []", uniform(rng)) for _ in range(2)]
     kept_by = [{one.scenario.values[n] for n in ("gust_ms", "drift_ms")} for one in flown[-2:]]
     drawn = next_generation(rng, flown, 600)
     varied = sum(bool(kept & set(one.values.values())) for one in drawn for kept in kept_by)
@@ -181,17 +183,63 @@ def test_a_family_comes_less_often_the_more_of_it_were_flown() -> None:
     rng = np.random.default_rng(8)
     most, next_one = (uniform(rng).replaced("fault", "none").replaced("hazard", "box") for _ in range(2))
     seen = []
-    for copies in (1, 60):
-        flown = [Scored(0.9, 1.0, {"reaction": -5.0}, "aborted []", most) for _ in range(copies)]
-        flown += [Scored(0.9, 1.0, {"reaction": -4.0}, "aborted []", next_one)]
+    for copies in (1, 160):
+        flown = [Scored(0.9, 0.9, 1.0, {"reaction": -5.0}, "aborted []", most) for _ in range(copies)]
+        flown += [Scored(0.9, 0.9, 1.0, {"reaction": -4.0}, "aborted []", next_one)]
         plain = [uniform(rng).replaced("fault", "none") for _ in range(40)]
-        flown += [Scored(0.9, 1.0, {}, "aborted []", one) for one in plain]
+        flown += [Scored(0.9, 0.9, 1.0, {}, "aborted []", one) for one in plain]
         drawn = next_generation(rng, flown, 400)
         seen.append(
             [sum(one.values["gust_ms"] == of.values["gust_ms"] for one in drawn) for of in (most, next_one)]
         )
     assert seen[0][0] > seen[0][1] > 40
     assert seen[1][1] > seen[1][0] > 40
+
+
+def test_of_a_family_the_most_surprising_and_the_nearest_of_the_surprising_are_varied() -> None:
+    rng = np.random.default_rng(9)
+    first = uniform(rng).replaced("fault", "none").replaced("hazard", "box")
+    family = [first, *(first.replaced("gust_ms", gust) for gust in (0.1111, 0.2222))]
+    flown = [
+        Scored(0.5, margin, 1.0, {"reaction": surprise}, "aborted []", one)
+        for one, margin, surprise in zip(family, (0.9, 0.1, 0.05), (-8.0, -5.0, -3.0), strict=True)
+    ]
+    plain = [uniform(rng).replaced("fault", "none") for _ in range(FIRST)]
+    flown += [Scored(0.0, 0.0, 1.0, {}, "aborted []", one) for one in plain]
+    drawn = next_generation(rng, flown, 400)
+    most, nearest, other = (
+        sum(one.values["gust_ms"] == of.values["gust_ms"] for one in drawn) for of in family
+    )
+    assert min(most, nearest) > 60
+    assert other < 20
+
+
+def test_the_most_surprising_of_a_family_is_crossed_with_the_nearest() -> None:
+    rng = np.random.default_rng(11)
+    most = uniform(rng).replaced("fault", "none").replaced("hazard", "box")
+    nearest = most.replaced("wind_ms", 1.1111).replaced("hazard_below_m", 4.1111).replaced("gust_ms", 0.1111)
+    flown = [Scored(0.5, 0.5, 0.1, {"reaction": -9.0}, "aborted []", most)]
+    flown += [Scored(0.6, 0.1, 0.3, {"reaction": -6.0}, "aborted []", nearest)]
+    flown += [Scored(0.9, 0.9, 1.0, {}, "aborted []", uniform(rng)) for _ in range(FIRST)]
+    drawn = next_generation(rng, flown, 1000)
+    for name in ("wind_ms", "hazard_below_m", "gust_ms"):
+        child = most.replaced(name, nearest.values[name])
+        assert 10 < drawn.count(child) < 60
+
+
+def test_a_quarter_of_the_variations_of_two_troubles_leave_one_out() -> None:
+    rng = np.random.default_rng(10)
+    both = uniform(rng).replaced("fault", "lidar_half").replaced("hazard", "box")
+    flown = [Scored(0.5, 0.5, 1.0, {"reaction": -9.0}, "aborted []", both)]
+    flown += [Scored(0.9, 0.9, 1.0, {}, "aborted []", uniform(rng)) for _ in range(FIRST)]
+    drawn = [
+        one
+        for one in next_generation(rng, flown, 1000)
+        if sum(one.values[name] == both.values[name] for name in SPACE) >= len(SPACE) - 3
+    ]
+    spared = [name for one in drawn for name in ("fault", "hazard") if one.text(name) == "none"]
+    assert 0.17 < len(spared) / len(drawn) < 0.33
+    assert min(spared.count("fault"), spared.count("hazard")) > 20
 
 
 def test_what_tells_nothing_is_drawn_seldom() -> None:
