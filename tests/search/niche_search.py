@@ -7,16 +7,17 @@ those of the least score, those that answered latest, and those that answered la
 (`surprise.py`): what is answered late while nothing is near becomes unsafe by one more change. Niches that
 lately became better are drawn from more often, and half of what is drawn has no fault. Nearly half of all
 flights vary the most surprising by each part of the response in a few parameters, for among so many niches
-they would come seldom, or cross them with the flight of their family that came nearest. Where both a fault
-and a hazard came, a quarter of these leave one of them out, for one trouble may hide what the other does. A
-vehicle that comes down beside the point is safe there unless something stands in this place: half of the
-variations put a hazard there.
+they would come seldom, or first cross them with the flight of their family that came nearest. Where both a
+fault and a hazard came, a quarter of these leave one of them out, for one trouble may hide what the other
+does. A vehicle that comes down beside the point is safe there unless something stands in this place: half of
+the variations put a hazard there.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -48,7 +49,7 @@ ELITE = 2  # of a niche, by score, response and surprise each
 LATELY, MORE_OFTEN = 60, 20.0  # flights ago; weight of a niche that became better since
 PLAIN_SHARE = 0.5  # of those drawn: without a fault, which makes answers late by itself
 MISSED_M, TO_MEET_SHARE = 1.0, 0.5  # touchdowns so far from the point get a hazard there, so often
-CROSSED_SHARE = 0.35  # of what surprises: two flights of one family
+CROSSED_SHARE = 0.5  # of the variations of what surprises: of two flights of one family
 ALONE_SHARE = 0.25  # of the variations of what surprises: fault and hazard not together
 CHANGES, FEW_CHANGES = (1, 4), (1, 2)  # parameters that are drawn again; of what surprises
 NEAR = (0.02, 0.2)  # of a range: changes that are none to somewhere else, as often small as large
@@ -107,13 +108,13 @@ def _varied(rng: np.random.Generator, best: Scored, changes: tuple[int, int]) ->
 
 
 def _bred(rng: np.random.Generator, most: Scored, nearest: Scored) -> Scenario:
-    """Return a scenario that takes each parameter of one of two flights, or varies one of them."""
+    """Return a variation of one of two flights, or of one that takes each parameter of either."""
+    parents = most, nearest
+    best = parents[int(rng.integers(2))]
     if rng.random() < CROSSED_SHARE:
-        parents = most.scenario, nearest.scenario
-        child = Scenario({name: parents[int(rng.integers(2))].values[name] for name in SPACE})
-        if child not in parents:
-            return child
-    return _varied(rng, (most, nearest)[int(rng.integers(2))], FEW_CHANGES)
+        crossed = {name: parents[int(rng.integers(2))].scenario.values[name] for name in SPACE}
+        best = replace(best, scenario=Scenario(crossed))
+    return _varied(rng, best, FEW_CHANGES)
 
 
 def _alone(rng: np.random.Generator, scenario: Scenario) -> Scenario:

@@ -217,14 +217,14 @@ def test_of_a_family_the_most_surprising_and_the_nearest_of_the_surprising_are_v
 def test_the_most_surprising_of_a_family_is_crossed_with_the_nearest() -> None:
     rng = np.random.default_rng(11)
     most = uniform(rng).replaced("fault", "none").replaced("hazard", "box")
-    nearest = most.replaced("wind_ms", 1.1111).replaced("hazard_below_m", 4.1111).replaced("gust_ms", 0.1111)
+    other = {"wind_ms": 1.1111, "hazard_below_m": 4.1111, "gust_ms": 0.1111, "drift_ms": 0.0111}
+    nearest = Scenario({**most.values, **other})
     flown = [Scored(0.5, 0.5, 0.1, {"reaction": -9.0}, "aborted []", most)]
     flown += [Scored(0.6, 0.1, 0.3, {"reaction": -6.0}, "aborted []", nearest)]
     flown += [Scored(0.9, 0.9, 1.0, {}, "aborted []", uniform(rng)) for _ in range(FIRST)]
     drawn = next_generation(rng, flown, 1000)
-    for name in ("wind_ms", "hazard_below_m", "gust_ms"):
-        child = most.replaced(name, nearest.values[name])
-        assert 10 < drawn.count(child) < 60
+    taken = [sum(one.values[name] == value for name, value in other.items()) for one in drawn]
+    assert min(taken.count(n) for n in range(1, 4)) > 25
 
 
 def test_a_quarter_of_the_variations_of_two_troubles_leave_one_out() -> None:
