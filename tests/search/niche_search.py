@@ -5,12 +5,12 @@ while the LiDAR fails, and never see what is late where it need not be. Niches a
 end and what was answered, with a fault and without, with a hazard and without, and by fault. The best are
 those of the least score, those that answered latest, and those that answered later than expected
 (`surprise.py`): what is answered late while nothing is near becomes unsafe by one more change. Niches that
-lately became better are drawn from more often, and half of what is drawn has no fault. Nearly half of all
-flights vary the most surprising by each part of the response in a few parameters, for among so many niches
-they would come seldom, or first cross them with the flight of their family that came nearest. Where both a
-fault and a hazard came, a quarter of these leave one of them out, for one trouble may hide what the other
-does. A vehicle that comes down beside the point is safe there unless something stands in this place: half of
-the variations put a hazard there.
+lately became better are drawn from more often, and half of what is drawn has no fault. Six of ten flights
+vary the most surprising by each part of the response in a few parameters, for among so many niches they would
+come seldom, or first cross them with the flight of their family that came nearest. Where both a fault and a
+hazard came, some of these leave one of them out, for one trouble may hide what the other does. A vehicle that
+comes down beside the point is safe there unless something stands in this place: half of the variations put a
+hazard there.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ NICHES: tuple[Niche, ...] = (
     lambda _, scenario: scenario.values["fault"],
 )
 FIRST = 40  # flights before anything is learnt
-NEW_SHARE, SURPRISING_SHARE = 0.35, 0.45  # drawn anew; varies the most surprising
+NEW_SHARE, SURPRISING_SHARE = 0.3, 0.6  # drawn anew; varies the most surprising
 ELITE = 2  # of a niche, by score, response and surprise each
 LATELY, MORE_OFTEN = 60, 20.0  # flights ago; weight of a niche that became better since
 PLAIN_SHARE = 0.5  # of those drawn: without a fault, which makes answers late by itself
 MISSED_M, TO_MEET_SHARE = 1.0, 0.5  # touchdowns so far from the point get a hazard there, so often
 CROSSED_SHARE = 0.5  # of the variations of what surprises: of two flights of one family
-ALONE_SHARE = 0.25  # of the variations of what surprises: fault and hazard not together
-CHANGES, FEW_CHANGES = (1, 4), (1, 2)  # parameters that are drawn again; of what surprises
+ALONE_SHARE = 0.15  # of the variations of what surprises: fault and hazard not together
+CHANGES, FEW_CHANGES = (1, 4), (2, 3)  # parameters that are drawn again; of what surprises
 NEAR = (0.02, 0.2)  # of a range: changes that are none to somewhere else, as often small as large
 
 

@@ -227,7 +227,7 @@ def test_the_most_surprising_of_a_family_is_crossed_with_the_nearest() -> None:
     assert min(taken.count(n) for n in range(1, 4)) > 25
 
 
-def test_a_quarter_of_the_variations_of_two_troubles_leave_one_out() -> None:
+def test_some_variations_of_two_troubles_leave_one_out() -> None:
     rng = np.random.default_rng(10)
     both = uniform(rng).replaced("fault", "lidar_half").replaced("hazard", "box")
     flown = [Scored(0.5, 0.5, 1.0, {"reaction": -9.0}, "aborted []", both)]
@@ -238,7 +238,7 @@ def test_a_quarter_of_the_variations_of_two_troubles_leave_one_out() -> None:
         if sum(one.values[name] == both.values[name] for name in SPACE) >= len(SPACE) - 3
     ]
     spared = [name for one in drawn for name in ("fault", "hazard") if one.text(name) == "none"]
-    assert 0.17 < len(spared) / len(drawn) < 0.33
+    assert 0.08 < len(spared) / len(drawn) < 0.22
     assert min(spared.count("fault"), spared.count("hazard")) > 20
 
 
