@@ -5,6 +5,7 @@ python -m tests.search plant --out out/search           # the five planted weakn
 python -m tests.search count --landings 10000 --out out/search    # evenly drawn cheap landings
 python -m tests.search count --planted --landings 2000 --out out/search
 python -m tests.search equal --scenarios 100 --out out/search
+python -m tests.search model                            # forms of the search: hunts in a model of the flight
 python -m tests.search replay FILE.json [--detail full] [--weakness NAME]
 """
 
@@ -15,6 +16,7 @@ import gc
 import json
 import logging
 import sys
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import asdict
@@ -24,6 +26,7 @@ from typing import Any
 from companion.runtime.program_version import program_version
 from tests.search import counts, equality
 from tests.search.flight import CHEAP, COARSE, DETAILS, TAKEN, UNSAFE, fly
+from tests.search.flight_model import FlightModel
 from tests.search.flights import Flier
 from tests.search.flown_file import InputError, read_object
 from tests.search.hunt import Hunt, is_failure
@@ -54,7 +57,13 @@ def main() -> None:
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.search", description=__doc__)
     commands = parser.add_subparsers(required=True)
-    for name, run in (("hunt", _hunt), ("plant", _plant), ("count", _count), ("equal", _equal)):
+    for name, run in (
+        ("hunt", _hunt),
+        ("plant", _plant),
+        ("count", _count),
+        ("equal", _equal),
+        ("model", _model),
+    ):
         command = commands.add_parser(name)
         command.set_defaults(run=run)
         command.add_argument(
@@ -63,6 +72,7 @@ def _arguments() -> argparse.Namespace:
         command.add_argument("--seed", type=at_least(0), default=1)
         command.add_argument("--landings", type=at_least(1), default=10_000 if name == "count" else 600)
         command.add_argument("--scenarios", type=at_least(1), default=100)
+        command.add_argument("--hunts", type=at_least(1), default=20, help="of each modelled weakness")
         command.add_argument("--weakness", choices=WEAKNESSES, nargs="+", default=list(WEAKNESSES))
         command.add_argument("--failures", type=at_least(1), default=3, help="to find before the hunt ends")
         command.add_argument("--jobs", type=at_least(1), default=1)
@@ -178,6 +188,28 @@ def _equal(own: argparse.Namespace) -> int:
     found = equality.compare(own.out / "equal.jsonl", own.scenarios)
     print(json.dumps(found, indent=1))
     return int(found["equal"] < found["scenarios"])
+
+
+def _model(own: argparse.Namespace) -> int:
+    for name in own.weakness:
+        flights = sorted(_flights_to_find(name, seed, own.landings) for seed in range(own.hunts))
+        found = [n for n in flights if n <= own.landings]
+        line = {"weakness": name, "hunts": own.hunts, "found": len(found), "median": flights[own.hunts // 2]}
+        print(json.dumps(line | {"mean": round(sum(flights) / own.hunts)}), flush=True)
+    return 0
+
+
+def _flights_to_find(name: str, seed: int, budget: int) -> int:
+    """Return how many modelled flights a hunt takes; one more than the budget if it finds nothing."""
+    planted = Flier(COARSE, fly=lambda scenario, *_, **__: FlightModel(scenario, name).outcome())
+    with tempfile.TemporaryDirectory() as folder:
+        hunt = Hunt(
+            Path(folder) / "model.jsonl",
+            planted,
+            seed,
+            confirm=lambda scenario: not FlightModel(scenario, None).outcome().unsafe,
+        )
+        return len(hunt.flown) if hunt.run(budget) else budget + 1
 
 
 def _replay(own: argparse.Namespace) -> int:
