@@ -23,10 +23,8 @@ SINK_MS = 0.9
 SEEN_S, SEEN_NOISE_S = 0.72, 0.12  # to answer something in the way
 LOST_S, LOST_NOISE_S = 0.95, 0.08  # to answer a silent LiDAR
 BELOW_S = 0.35  # from an answer to when the vehicle climbs
-REFUSED_SHARE, BROKEN_OFF_SHARE = (
-    0.05,
-    0.6,
-)  # by themselves: of all; of links in bursts and jumps of the estimate
+REFUSED_SHARE = 0.05  # of all flights, whatever is in them
+BROKEN_OFF_SHARE = 0.6  # of those with a link in bursts or a jump of the estimate, for this alone
 ANSWERED_M = 2.0  # what stops farther beside the point is no reason to break off
 NEVER = -math.inf  # height of an answer that does not come
 

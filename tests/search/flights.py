@@ -1,4 +1,4 @@
-"""What flies scenarios, and flights of many, in order, by one process or several."""
+"""What flies a scenario, and flights of many scenarios, in order, by one process or several."""
 
 from __future__ import annotations
 
