@@ -110,7 +110,7 @@ EVIDENCE := out/evidence
 evidence: setup
 	-OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m "not bench and not browser" \
 	    --junitxml $(EVIDENCE)/junit.xml
-	-$(BIN)/python -m tests.campaign --flights $(or $(FLIGHTS),215) --out $(EVIDENCE)/campaign
+	-$(BIN)/python -m tests.campaign $(if $(FLIGHTS),--flights $(FLIGHTS)) --out $(EVIDENCE)/campaign
 	-$(BIN)/python -m tests.fuzz.campaign --inputs 100000 --out $(EVIDENCE)/fuzz.json
 	$(BIN)/slz evidence --out $(EVIDENCE) --artefact $(EVIDENCE)/junit.xml --artefact $(EVIDENCE)/campaign/flights.jsonl \
 	    --artefact $(EVIDENCE)/fuzz.json $(ARTEFACTS)
