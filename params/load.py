@@ -103,10 +103,10 @@ def _sentence(detail: Any) -> str:
     return f"parameter {name} = {detail['input']!r} is refused: it must be {allowed(row)}"
 
 
-def allowed(row: Row) -> str:
-    """Return the accepted values of a parameter in words."""
+def allowed(row: Row, *, in_flight: bool = False) -> str:
+    """Return the accepted values of a parameter in words; in flight without those that must not fly."""
     if row.choices:
-        return " or ".join(row.choices)
+        return " or ".join(row.airworthy_choices if in_flight else row.choices)
     unit = f" {row.unit}" if row.unit else ""
     number = "a whole number" if row.kind is int else "a number"
     return f"{number} from {row.low:g} to {row.high:g}{unit}"

@@ -8,7 +8,8 @@ documentation all read this table. A value outside its range is refused, never c
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
@@ -26,6 +27,12 @@ CELLS_AT_MOST = (
     ("tail_length_m", 200),
     ("d_value_m", 400),
 )
+# Why a value must not fly, as a predicate of the value.
+SOURCE_MODE = "calls unsafe ground safe: the paper's rules to the letter, for surveys only"
+ODOMETRY_TO_AUTOPILOT = (
+    "led a vehicle away: an unobserved axis counts as observed, and the autopilot's estimate of what it is"
+    " sent confirms itself"
+)
 TILT_OVER_SLOPE_DEG = 5.0  # by which a landed vehicle may tilt more than the ground slopes
 
 
@@ -34,6 +41,7 @@ class Spec:
     """Metadata of a parameter besides its type, range and default.
 
     live: a change takes effect at once; otherwise at the next start.
+    grounded: choices that must not fly, each with the reason (`params.grounded`).
     """
 
     mavlink: str
@@ -41,6 +49,7 @@ class Spec:
     source: str
     sentence: str
     live: bool = False
+    grounded: Mapping[str, str] = field(default_factory=dict)
 
 
 def _in(low: float, high: float) -> Any:
@@ -68,7 +77,13 @@ class Parameters(BaseModel):
     # ---- terrain models -------------------------------------------------------------------------
     mode: Annotated[
         Literal["default", "source"],
-        Spec("SLZ_MODE", "", OURS, "'source' runs the paper's rules to the letter, unsafe ones included."),
+        Spec(
+            "SLZ_MODE",
+            "",
+            OURS,
+            "'source' runs the paper's rules to the letter, unsafe ones included.",
+            grounded={"source": SOURCE_MODE},
+        ),
     ] = "default"
     cell_m: Annotated[
         float, _in(0.05, 50), Spec("SLZ_CELL_M", "m", THESIS, "Side of a cell of the near map.")
@@ -291,6 +306,7 @@ class Parameters(BaseModel):
             "",
             OURS,
             "Use of the LiDAR's or --ros2-odometry's position: none, map and landing, or autopilot too.",
+            grounded={"autopilot": ODOMETRY_TO_AUTOPILOT},
         ),
     ] = "off"
     hold_s: Annotated[
@@ -757,6 +773,12 @@ class Row:
     source: str
     sentence: str
     live: bool
+    grounded: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def airworthy_choices(self) -> tuple[str, ...]:
+        """Choices that may fly."""
+        return tuple(choice for choice in self.choices if choice not in self.grounded)
 
 
 def rows() -> tuple[Row, ...]:
@@ -781,4 +803,5 @@ def _row(name: str) -> Row:
         source=spec.source,
         sentence=spec.sentence,
         live=spec.live,
+        grounded=spec.grounded,
     )

@@ -70,7 +70,7 @@ def demo(
     set_up_logging(verbose)
     from companion.desk.demo import demonstration
 
-    high_m = params.load(profile, setting).survey_height_m
+    high_m = params.check_airworthy(params.load(profile, setting)).survey_height_m
     chosen = demonstration.sensor_named(sensor or demonstration.usual_sensor(high_m))
     parameters = params.load(profile, [*chosen.settings_for(scene), *setting])
     compile_at_first(parameters.mode)

@@ -30,6 +30,7 @@ def examined(
     beside: Callable[[Simulation], object] = lambda _sim: None,
     system: int | None = None,
     seconds: float = 8.0,
+    own: tuple[str, ...] = (),
     **autopilot: float,
 ) -> list[Finding]:
     """Examine a simulated vehicle with some of its parameters changed."""
@@ -46,7 +47,8 @@ def examined(
     loop = LockstepLoop(sim.advance)
     urls = f"udpin:127.0.0.1:{mavlink}", f"livox:127.0.0.1:{points}"
     try:
-        return loop.run_until_complete(Examination(*urls, params.load(), seconds, system=system).run())
+        parameters = params.load("quadcopter", own)
+        return loop.run_until_complete(Examination(*urls, parameters, seconds, system=system).run())
     finally:
         sim.close()
         loop.close()
@@ -73,6 +75,12 @@ def test_what_is_set_wrong_is_named_with_its_remedy() -> None:
     assert "set PLND_TYPE to 1" in bad["PLND_TYPE"].remedy
     assert bad["AVOID_ENABLE"].state == "warn"
     assert not healthy(findings)
+
+
+def test_an_odometry_that_must_not_fly_fails_and_the_autopilot_is_examined_without_it() -> None:
+    findings = examined(height_m=10.0, PRX1_TYPE=2.0, own=("odometry=autopilot",))
+    assert [finding.check for finding in findings if finding.state == "fail"] == ["SLZ_ODOMETRY"]
+    assert "VISO_DELAY_MS" not in {finding.check for finding in findings}
 
 
 def test_a_lidar_that_is_silent_fails() -> None:

@@ -175,10 +175,10 @@ def about(rows: tuple[Row, ...]) -> dict[str, Any]:
             "low": row.low,
             "high": row.high,
             "whole": row.kind is int,
-            "choices": list(row.choices),
+            "choices": list(row.airworthy_choices),
             "default": row.default,
             "help": row.sentence,
-            "allowed": params.allowed(row),
+            "allowed": params.allowed(row, in_flight=True),
             "live": row.live,
         }
         for row in rows

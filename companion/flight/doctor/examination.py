@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.doctor.finding import Finding
+from companion.flight.doctor.grounded_check import grounded_findings
 from companion.flight.doctor.imu_check import ImuObservation
 from companion.flight.doctor.lidar_check import lidar_findings
 from companion.flight.doctor.link_check import link_findings
@@ -25,7 +26,7 @@ from companion.flight.link.vehicle_identity import LISTEN_NS, VehicleIdentity
 from companion.flight.link.wire.signing import Signing
 from companion.flight.sensors.lidar_url import Lidar, open_lidar
 from companion.runtime.clock import now_ns
-from params import Parameters, required
+from params import Parameters, airworthy, required
 
 log = logging.getLogger(__name__)
 
@@ -68,6 +69,8 @@ class Examination:
 
     async def run(self) -> list[Finding]:
         """Return all findings; close everything that was opened."""
+        found = grounded_findings(self.parameters)
+        self.parameters = airworthy(self.parameters)  # examine for what can fly
         identity = VehicleIdentity(self.system, LISTEN_NS)
         link = Link(self.mavlink_url, self.parameters, self.signing, identity, alone=False)
         lidar = open_lidar(self.lidar_url, self.parameters, lambda returns: None, link)
@@ -96,7 +99,7 @@ class Examination:
             raise errors.exceptions[0] from None
         log.info("measuring this computer; the first time this compiles for some minutes")
         # Last, because it loads the CPU.
-        return [*findings, *machine_findings(self.parameters, self.late_ms)]
+        return [*found, *findings, *machine_findings(self.parameters, self.late_ms)]
 
     def _link(self, link: Link) -> list[Finding]:
         p = self.parameters

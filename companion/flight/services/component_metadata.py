@@ -110,8 +110,9 @@ def _described(row: Row) -> dict[str, Any]:
     if row.unit:
         described["units"] = row.unit
     if row.choices:
-        described["values"] = [{"value": i, "description": text} for i, text in enumerate(row.choices)]
-        described |= {"min": 0, "max": len(row.choices) - 1}
+        values = [(row.choices.index(text), text) for text in row.airworthy_choices]
+        described["values"] = [{"value": number, "description": text} for number, text in values]
+        described |= {"min": values[0][0], "max": values[-1][0]}
     if row.low is not None:
         described["min"] = row.low
     if row.high is not None:

@@ -98,7 +98,7 @@ class ParameterServer:
     def _set(self, index: int, message: Any) -> list[Any]:
         row = self._rows[index]
         value = self._decode(row, message)
-        change = Change(False, f"{row.mavlink}: must be {allowed(row)}")
+        change = Change(False, f"{row.mavlink}: must be {allowed(row, in_flight=True)}")
         if value is not None:
             change = self._holders[index].change(row.name, value)
         if change.reason:

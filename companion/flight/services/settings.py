@@ -29,7 +29,7 @@ class Settings:
     """Holder of the parameters in force and of those for the next start.
 
     A value whose row is `live` takes effect at once, any other at the next start. A value that is out of
-    range or conflicts with others, now or at the next start, is refused.
+    range, must not fly (`params.grounded`) or conflicts with others, now or at the next start, is refused.
 
     Attributes
     ----------
@@ -65,6 +65,8 @@ class Settings:
         except ParameterError as error:
             return Change(False, f"{row.mavlink}: {_short(str(error), row)}")
         new = getattr(stored, name)
+        if new in row.grounded:
+            return Change(False, f"{row.mavlink}: {new} must not fly: {row.grounded[new]}")
         if new == getattr(self.stored, name):
             return Change(True, "")
         changed = self._changed | {name: new}
@@ -94,14 +96,14 @@ def load(profile: str, settings: Iterable[str], state: StateDir) -> Parameters:
     Raises
     ------
     ParameterError
-        The profile or a setting is wrong.
+        The profile or a setting is wrong or must not fly.
     UsageError
-        A stored value is wrong: the user decides whether to start without it.
+        A stored value is: the user decides whether to start without it.
     """
     settings = list(settings)
-    params.load(profile, settings)  # reports their own faults first
+    params.check_airworthy(params.load(profile, settings))  # reports their own faults first
     try:
-        return params.load(profile, settings, read_stored(state))
+        return params.check_airworthy(params.load(profile, settings, read_stored(state)))
     except ParameterError as error:
         raise UsageError(f"{state.folder / FILE}: {error}; mend or delete the file") from None
 
@@ -121,7 +123,7 @@ def _toml(values: dict[str, Any]) -> str:
 
 def _short(error: str, row: Row) -> str:
     """Return a refusal without the name, which precedes it, because the pilot's screen is narrow."""
-    return f"must be {params.allowed(row)}" if "is refused: it must be" in error else error
+    return f"must be {params.allowed(row, in_flight=True)}" if "is refused: it must be" in error else error
 
 
 def _shown(value: Any) -> str:

@@ -53,7 +53,5 @@ class OdometryInput:
         if session is None:
             raise UsageError(f"{option} needs --ros2: write {EXAMPLE}")
         if parameters.odometry == "off":
-            raise UsageError(
-                f"{option} is used nowhere, as odometry is off: add --set odometry=map or autopilot"
-            )
+            raise UsageError(f"{option} is used nowhere, as odometry is off: add --set odometry=map")
         return RosOdometry(session, self.topic, self.stream)

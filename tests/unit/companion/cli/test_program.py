@@ -94,6 +94,8 @@ def test_bad_arguments_are_one_line_and_exit_code_2(capfd: Capture, words: list[
         ([*RUN[1:], "--set", "celm=1"], "celm"),
         ([*RUN[1:], "--set", "cell_m=-1"], "cell_m"),
         ([*RUN[1:], "--land", "now"], "--land"),
+        ([*RUN[1:], "--set", "odometry=autopilot"], "led a vehicle away"),
+        ([*RUN[1:], "--set", "SLZ_MODE=source"], "calls unsafe ground safe"),
     ],
 )
 def test_a_flight_that_cannot_begin_is_refused_in_one_line(
@@ -104,6 +106,19 @@ def test_a_flight_that_cannot_begin_is_refused_in_one_line(
         taken, free = other.getsockname()[1], free_port()
         given = [word.format(taken=taken, free=free) for word in words]
         assert complaint in refusal(capfd, "run", *given)
+
+
+@pytest.mark.parametrize("command", [RUN, ["demo", "--headless"]])
+@pytest.mark.parametrize("line", ['odometry = "autopilot"', 'mode = "source"'])
+def test_a_profile_with_a_value_that_must_not_fly_is_refused(
+    command: list[str], line: str, tmp_path: Path, capfd: Capture
+) -> None:
+    profile = tmp_path / "mine.toml"
+    profile.write_text(line)
+    words = [*command, "--profile", str(profile)]
+    if command is RUN:
+        words += ["--state-dir", str(tmp_path)]
+    assert "must not fly" in refusal(capfd, *words)
 
 
 def test_help_is_shown_when_asked_for_and_when_nothing_is(capfd: Capture) -> None:

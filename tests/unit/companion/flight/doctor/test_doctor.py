@@ -16,6 +16,7 @@ from companion.cli import program
 from companion.flight.doctor import machine_check
 from companion.flight.doctor.consultation import document, table
 from companion.flight.doctor.finding import Finding, healthy
+from companion.flight.doctor.grounded_check import grounded_findings
 from companion.flight.doctor.lidar_check import lidar_findings
 from companion.flight.doctor.link_check import link_findings
 from companion.flight.doctor.machine_check import speed_finding, timer_finding, window_ms
@@ -216,6 +217,17 @@ def test_an_autopilot_that_waits_for_an_odometry_that_is_not_sent_is_a_warning(
         assert finding.state == state
         assert ("SLZ_ODOMETRY" in finding.remedy) == (state == "warn")
     assert parameter_findings(rows[:0], {}) == []
+
+
+@pytest.mark.parametrize(
+    ("setting", "check"), [("odometry=autopilot", "SLZ_ODOMETRY"), ("mode=source", "SLZ_MODE")]
+)
+def test_a_value_that_must_not_fly_is_a_fault_with_its_reason(setting: str, check: str) -> None:
+    assert grounded_findings(load()) == []
+    (finding,) = grounded_findings(load("quadcopter", [setting]))
+    assert (finding.check, finding.state) == (check, "fail")
+    assert finding.found.startswith(setting.partition("=")[2])
+    assert "slz run refuses" in finding.remedy
 
 
 # ---- LiDAR, computer -----------------------------------------------------------------------------------

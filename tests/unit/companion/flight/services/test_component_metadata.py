@@ -81,9 +81,9 @@ def test_ranges_units_defaults_and_choices_are_those_of_the_table() -> None:
         assert row.name in each["longDesc"]
         assert each.get("units", "") == row.unit
         assert each.get("rebootRequired", False) is not row.live
-        assert [c["description"] for c in each.get("values", [])] == list(row.choices)
+        assert [c["description"] for c in each.get("values", [])] == list(row.airworthy_choices)
         if row.choices:
-            assert [c["value"] for c in each["values"]] == list(range(len(row.choices)))
+            assert all(row.choices[c["value"]] == c["description"] for c in each["values"])
             assert row.choices[each["default"]] == row.default
         else:
             assert (each["min"], each["max"], each["default"]) == (row.low, row.high, row.default)

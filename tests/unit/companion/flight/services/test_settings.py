@@ -72,6 +72,21 @@ def test_a_live_value_must_go_with_those_in_force_and_with_those_of_the_next_sta
     assert (settings.live.commit_height_m, settings.live.hold_s) == (50.0, 8.0)
 
 
+@pytest.mark.parametrize(("name", "value"), [("odometry", "autopilot"), ("mode", "source")])
+def test_a_value_that_must_not_fly_is_refused_and_the_old_one_kept(
+    name: str, value: str, tmp_path: Path
+) -> None:
+    settings = Settings(params.Parameters(), StateDir(tmp_path))
+    refused = settings.change(name, value)
+    assert not refused.accepted
+    assert value in refused.reason
+    assert settings.stored == settings.running == params.Parameters()
+    assert settings.change("odometry", "map").accepted
+    (tmp_path / FILE).write_text(f'{name} = "{value}"\n')  # of an earlier version
+    with pytest.raises(UsageError, match="must not fly.*mend or delete"):
+        load("quadcopter", [], StateDir(tmp_path))
+
+
 def test_what_was_set_is_told_and_what_was_refused_is_not() -> None:
     settings, told = Settings(params.Parameters()), []
     settings.on_change.subscribe(lambda name, value: told.append((name, value)))
