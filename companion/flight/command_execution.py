@@ -53,12 +53,19 @@ class CommandExecution:
         self.blocked = self.blocked_above = False
 
     def execute(self, commands: VehicleCommands, situation: Situation) -> None:
-        """Carry out the commands of this moment."""
+        """Carry out the commands of this moment; a vehicle that must not be commanded gets texts alone.
+
+        Not even the signal that lets PX4 into its offboard mode, which a fixed wing enters and flies on.
+        """
         for severity, text in commands.texts:
             log.info(text)
             self._link.statustext(text, severity.value)
         if commands.select_enu_m is not None:
             self._worker.select(commands.select_enu_m)
+        if self._link.vehicle.no_command_reason:
+            self._modes.cancel()
+            self._streams.target_enu_m = None
+            return
         if commands.mode is not None:
             self._modes.request(commands.mode)
         else:
@@ -73,6 +80,8 @@ class CommandExecution:
 
     def stop_vehicle(self) -> None:
         """Send the last setpoint: ArduPilot flies on with the one before for three seconds."""
+        if self._link.vehicle.no_command_reason:
+            return
         self._link.send(velocity_setpoint(self._link.vehicle, np.zeros(3), None))
 
     def _must_keep_offboard_open(self, situation: Situation) -> bool:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from companion.flight.flight_view import FlightView
 from companion.flight.landing.situation import Phase
+from companion.flight.link.vehicle_class import type_name
 from companion.flight.outputs.wire_summary import wire_summary
 from companion.flight.outputs.zone_summary import choice_summary, point_summary, zone_summary
 from slz import LocalFrame, Report
@@ -18,6 +19,7 @@ from slz import LocalFrame, Report
 def flight_summary(flight: FlightView) -> dict[str, Any]:
     """Return the summary of a flight that `--json` prints."""
     executive, worker, radar = flight.executive, flight.worker, flight.radar
+    vehicle = flight.link.vehicle
     diagnosis = flight.lidar.diagnosis
     tally, frame = executive.tally, flight.history.frame
     chosen = None
@@ -28,6 +30,8 @@ def flight_summary(flight: FlightView) -> dict[str, Any]:
     if landed and flight.path_enu_m and frame is not None:
         touchdown = _place(frame, flight.path_enu_m.last)
     return {
+        "vehicle": type_name(vehicle.vehicle_type) if vehicle.sysid is not None else None,
+        "no_commands": vehicle.no_command_reason,
         "phase": executive.phase.value,
         "landed": landed,
         "chosen": chosen,

@@ -126,6 +126,7 @@ class SituationSource:
             wind=self._wind.at(now),
             intrusion=intrusion,
             moving=self._watch.moving(now),
+            no_command_reason=vehicle.no_command_reason,
         )
 
     def fresh_report(self) -> Report | None:

@@ -44,6 +44,8 @@ def active_alarms(state: dict[str, Any], selected: dict[str, Any] | None) -> lis
     if selected is not None and selected["state"] == "unknown":
         text = f"Landing point not judged{water or ': nothing seen there'}"
         found.append(("warning", "point-unknown", text))
+    if state["no_commands"]:
+        found.append(("warning", "no-commands", f"Mapping only, no commands: {state['no_commands']}"))
     if state["unfit"]:
         more = f" and {len(state['unfit']) - 1} more: see slz doctor" if len(state["unfit"]) > 1 else ""
         found.append(("warning", "unfit", f"Autopilot not set up: {state['unfit'][0]}{more}"))

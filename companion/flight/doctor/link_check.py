@@ -5,6 +5,7 @@ from __future__ import annotations
 from companion.flight.doctor.finding import Finding, judged
 from companion.flight.link.link_statistics import LinkStatistics
 from companion.flight.link.message_rates import Stream
+from companion.flight.link.vehicle_class import type_name
 from companion.flight.link.vehicle_state import VehicleState
 
 ROUND_TRIP_MS = 10.0
@@ -33,10 +34,23 @@ def link_findings(
             "ArduPilot or PX4",
             "connect a vehicle with ArduCopter or PX4",
         ),
+        _class(vehicle),
         *(_stream(stream, statistics) for stream in streams),
         _losses(statistics),
         *_clock(statistics),
     ]
+
+
+def _class(vehicle: VehicleState) -> Finding:
+    """Judge whether the vehicle may be commanded; a VTOL may while it hovers, as on the ground."""
+    reason, name = vehicle.no_command_reason, type_name(vehicle.vehicle_type)
+    return judged(
+        "vehicle",
+        not reason,
+        f"{name}: {reason}" if reason and reason != name else name,
+        "multirotor, helicopter, or a VTOL of PX4 that hovers",
+        "slz maps and shows zones for it, and commands nothing; if it is a multirotor, set its type",
+    )
 
 
 def _silence(url: str, statistics: LinkStatistics) -> Finding:

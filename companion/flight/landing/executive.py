@@ -22,6 +22,7 @@ from companion.flight.landing.interruptions.preconditions import (
     Reaction,
     Stage,
 )
+from companion.flight.landing.interruptions.vehicle_class_announcer import VehicleClassAnnouncer
 from companion.flight.landing.interruptions.withdrawal import Withdrawal
 from companion.flight.landing.landing_state import LandingState
 from companion.flight.landing.phases.approach import Approach
@@ -70,7 +71,7 @@ class Executive:
         self._preconditions = Preconditions()
         self._asked_up_ms: float | None = None
         self._withdrawal, self._battery = Withdrawal(state), LowBattery(state)
-        self._jump = PositionJump(state)
+        self._jump, self._class_announcer = PositionJump(state), VehicleClassAnnouncer(state)
         self._confirmation = Confirmation()
         self._ways_of: SelectedPoint | None = None
         self._ways: tuple[ApproachPath | None, ApproachPath | None] = None, None
@@ -302,6 +303,7 @@ class Executive:
         state.endurance.follow(s.now_ns, s.battery_pct)
         state.hand_over.follow(s)
         self._battery.update(s)
+        self._class_announcer.update(s)
         commands = self._withdrawal.reclassify_as_failsafe(s) or self._reaction(s)
         if commands is None:
             commands = self._commands_in[self.phase](s)
@@ -389,6 +391,8 @@ def _not_flying(s: Situation) -> Reply | None:
     """Return the refusal of an order to land, None if the vehicle can obey."""
     if not s.connected:
         return Reply(False, "no autopilot")
+    if s.no_command_reason:
+        return Reply(False, f"{s.no_command_reason}: not commanded")
     if not s.armed or s.on_ground is True:
         return Reply(False, "not flying")
     return None

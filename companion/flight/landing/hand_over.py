@@ -10,7 +10,8 @@ class HandOver:
 
     The guided mode is a hand-over if it was set at the start of the companion, was set on the ground, or is
     chosen in the air. It does not count if the autopilot returns to it after a failsafe of its own, as PX4
-    does when setpoints arrive again; the pilot then has to choose it once more.
+    does when setpoints arrive again, nor while the vehicle must not be commanded; the pilot then has to
+    choose it once more.
     """
 
     def __init__(self) -> None:
@@ -22,7 +23,7 @@ class HandOver:
         """Update from the present situation."""
         if not s.connected or not s.heard:
             return
-        failsafe = s.failsafe or s.breached
+        failsafe = s.failsafe or s.breached or bool(s.no_command_reason)
         if not s.armed or s.on_ground is True:
             self.given = True
         elif failsafe:

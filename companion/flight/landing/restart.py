@@ -76,7 +76,7 @@ class Restart:
         if previous is not None and not previous.is_of(sysid, boot_ms):
             previous = None
         point = _point(previous, frame)
-        if s.landing and point is not None and _over(s, point):
+        if s.landing and point is not None and _over(s, point) and not s.no_command_reason:
             executive.resume_landing(s, point)
         elif previous is not None:
             executive.report_restart(s, "restarted")

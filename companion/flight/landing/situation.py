@@ -65,7 +65,8 @@ class Situation:
     within the last seconds. fit: the autopilot is known to be set up for a landing. heading_rad: of the
     nose, clockwise from north. below: surface of the ground under the vehicle. wind: None while it is
     unknown. intrusion: what came onto the selected point since the report, or None.
-    moving: what moves around the vehicle.
+    moving: what moves around the vehicle. no_command_reason: why a vehicle of this type, or in this state
+    of flight, must not be commanded; "" if it may.
     """
 
     now_ns: int
@@ -104,6 +105,7 @@ class Situation:
     blocked_above: bool = False
     intrusion: Intrusion | None = None
     moving: tuple[MovingObject, ...] = ()
+    no_command_reason: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.flight.link.vehicle_class import type_name
 from companion.runtime.errors import UsageError
 
 log = logging.getLogger(__name__)
@@ -63,13 +64,6 @@ class Candidate:
 
     def __str__(self) -> str:
         return f"system {self.system} ({type_name(self.vehicle_type)})"
-
-
-def type_name(vehicle_type: int) -> str:
-    """Return the name of a MAV_TYPE in words, or its number if the dialect has no name."""
-    entry = mavlink.enums["MAV_TYPE"].get(vehicle_type)
-    name = "" if entry is None else str(entry.name)
-    return name.removeprefix("MAV_TYPE_").replace("_", " ").lower() or f"type {vehicle_type}"
 
 
 def several(candidates: Iterable[Candidate]) -> str:

@@ -14,6 +14,7 @@ from companion.flight.link.autopilot_health import FAILSAFE_STATES, Health
 from companion.flight.link.flight_modes import GUIDED, PRECISION_LANDING, Autopilot, mode_name
 from companion.flight.link.position_fix import MESSAGES as FIX_MESSAGES
 from companion.flight.link.position_fix import PositionFix
+from companion.flight.link.vehicle_class import VTOL_HOVERS, VTOL_UNHEARD, no_command_reason
 
 Landed = Literal["unknown", "on_ground", "in_air", "takeoff", "landing"]
 Vector = tuple[float, float, float]
@@ -25,6 +26,8 @@ OVERTAKEN_NS = {"px4": 200_000_000}  # in this time an autopilot sends fewer tha
 OVERTAKEN_DEFAULT_NS = 400_000_000
 # Height above home at which an armed vehicle certainly flies, if it does not report its landed state.
 AIRBORNE_M = 2.0
+# EXTENDED_SYS_STATE comes five times a second; without one so long, a VTOL may fly on its wing by now.
+VTOL_STATE_NS = 2_500_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +56,8 @@ class VehicleState:
     displaced
         Whether the mode is not the one that its pilot chose. CURRENT_MODE reports this a second before the
         heartbeat reports a failsafe.
+    vtol_state, vtol_heard_ns
+        MAV_VTOL_STATE, and its newest arrival.
     health
         Reported health of estimator, sensors and fence, and the pilot's sticks.
     """
@@ -70,6 +75,8 @@ class VehicleState:
     mode_seq: int = 0
     displaced: bool = False
     reported_landed: Landed = "unknown"
+    vtol_state: int | None = None
+    vtol_heard_ns: int | None = None
     battery_pct: float | None = None
     battery_v: float | None = None
     home_lla: Vector | None = None
@@ -110,6 +117,18 @@ class VehicleState:
     def landing(self) -> bool:
         """Whether the vehicle is in the mode that lands it at our target."""
         return self.mode == PRECISION_LANDING.get(self.autopilot)
+
+    @property
+    def no_command_reason(self) -> str:
+        """Why this vehicle must not be commanded in its present state of flight, "" if it may.
+
+        That a VTOL hovers counts as unknown once it is older than the newest heartbeat by `VTOL_STATE_NS`.
+        """
+        if self.last_heartbeat_ns is None:
+            return ""
+        late = self.last_heartbeat_ns - (self.vtol_heard_ns or 0) > VTOL_STATE_NS
+        state = VTOL_UNHEARD if late and self.vtol_state == VTOL_HOVERS else self.vtol_state
+        return no_command_reason(self.autopilot, self.vehicle_type, state)
 
     @property
     def failsafe(self) -> bool:
@@ -233,7 +252,8 @@ _LANDED: dict[int, Landed] = {1: "on_ground", 2: "in_air", 3: "takeoff", 4: "lan
 
 
 def _extended_sys_state(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
-    return replace(state, reported_landed=_LANDED.get(m.landed_state, "unknown"))
+    landed = _LANDED.get(m.landed_state, "unknown")
+    return replace(state, reported_landed=landed, vtol_state=m.vtol_state, vtol_heard_ns=now_ns)
 
 
 def _sys_status(state: VehicleState, m: Any, now_ns: int) -> VehicleState:

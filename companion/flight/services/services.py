@@ -146,6 +146,8 @@ class Services:
     def _wanted_points(self) -> tuple[RallyPoint, ...] | None:
         """Return the rally points for the vehicle, None to leave them unchanged."""
         parameters, vehicle = self._settings.running, self._link.vehicle
+        if vehicle.no_command_reason:  # where a wing returns to, it circles; a VTOL keeps what it has
+            return None
         if parameters.rally == "off" or not vehicle.armed:
             return ()
         report = self.report()

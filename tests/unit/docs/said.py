@@ -35,6 +35,7 @@ SOURCES = (
     "companion/flight/landing/interruptions/crossing_wait.py",
     "companion/flight/landing/landing_state.py",
     "companion/flight/landing/interruptions/withdrawal.py",
+    "companion/flight/landing/interruptions/vehicle_class_announcer.py",
     "companion/flight/landing/interruptions/low_battery.py",
     "companion/flight/landing/interruptions/missing_input.py",
     "companion/flight/landing/interruptions/position_jump.py",

@@ -32,6 +32,7 @@ class Precondition(Enum):
     """Rows of the table, in the order in which they are checked."""
 
     ARMED = "armed, in the air"
+    CLASS = "flies as a multirotor or helicopter"
     MODE = "mode set by slz or at the hand-over"
     ESTIMATE = "estimator trusted"
     NO_FAILSAFE = "no failsafe"
@@ -72,6 +73,7 @@ _HOLD, _WAIT = Reaction.HOLD, Reaction.WAIT
 # Columns: survey, approach, descend, final, committed, climb, hold.
 TABLE: dict[Precondition, dict[Stage, Reaction]] = {
     Precondition.ARMED: _row(Reaction.ENDS),
+    Precondition.CLASS: _row(_OFF),
     Precondition.MODE: _row(_OFF),
     Precondition.ESTIMATE: _row(Reaction.STAND_BACK),
     Precondition.NO_FAILSAFE: _row(Reaction.TELL),
@@ -90,6 +92,7 @@ TABLE: dict[Precondition, dict[Stage, Reaction]] = {
 SECOND = 1_000_000_000
 # A breach must last this long: longer than one wrong message, a gust, or a change of speed.
 PATIENCE_NS = {
+    Precondition.CLASS: SECOND // 2,  # after an outage the heartbeat may come before EXTENDED_SYS_STATE
     Precondition.ESTIMATE: SECOND,
     Precondition.GPS: SECOND // 2,
     Precondition.TRACK: SECOND // 2,
@@ -188,6 +191,8 @@ class Preconditions:
         broken: dict[Precondition, str] = {}
         if s.connected and (not s.armed or (s.on_ground is True and landing)):
             broken[Precondition.ARMED] = ""
+        if s.no_command_reason:
+            broken[Precondition.CLASS] = s.no_command_reason
         if s.connected and ownership.is_taken_away(s):
             broken[Precondition.MODE] = s.mode
         if s.estimate_lost:

@@ -20,8 +20,10 @@ class Withdrawal:
         self._calm_since_ns: int | None = None  # since then without failsafe
 
     def hands_off(self, breach: Breach, s: Situation) -> VehicleCommands:
-        """Leave control to the pilot, who moved the sticks or set another mode."""
-        if breach.precondition is Precondition.STICKS:
+        """Leave control to the pilot, who moved the sticks, set another mode or flies on a wing now."""
+        if breach.precondition is Precondition.CLASS:
+            text = f"{breach.what}: hands off"
+        elif breach.precondition is Precondition.STICKS:
             text = f"pilot moves the sticks in {s.mode}: hands off"
         else:
             text = f"pilot set {s.mode}: hands off" if s.switched else f"{s.mode} set, not by SLZ: hands off"

@@ -64,6 +64,7 @@ class Waiting:
             and s.fit
             and self._state.hand_over.given
             and not s.estimate_lost
+            and not s.no_command_reason
             and s.connected
             and s.armed
             and s.guided
@@ -79,7 +80,7 @@ class Waiting:
         state = self._state
         alone = state.auto and s.connected and s.armed and s.guided and s.on_ground is False
         told_ns = state.told_to_hand_over_ns
-        if not alone or state.hand_over.given:
+        if not alone or state.hand_over.given or s.no_command_reason:
             state.told_to_hand_over_ns = None
         elif told_ns is None or s.now_ns - told_ns > TELL_AGAIN_NS:
             state.told_to_hand_over_ns = s.now_ns

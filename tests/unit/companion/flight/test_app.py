@@ -341,3 +341,30 @@ async def test_a_radar_and_a_view_run_and_end_with_the_companion(monkeypatch: py
     assert companion.summary["radar"]["packets"] == 0
     with pytest.raises(ConnectionRefusedError):  # nobody listens any more
         await asyncio.open_connection("127.0.0.1", companion.live.port)
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "kind", "vtol_state", "mode"),
+    [
+        ("px4", 1, 0, "OFFBOARD"),
+        ("px4", 22, 4, "OFFBOARD"),
+        ("px4", 22, 3, "AUTO.LOITER"),
+        ("ardupilot", 2, 4, "GUIDED"),
+    ],
+)
+@on_simulated_clock
+async def test_a_vehicle_that_must_not_be_commanded_gets_nothing_whatever_is_decided(
+    monkeypatch: pytest.MonkeyPatch, autopilot: str, kind: int, vtol_state: int, mode: str
+) -> None:
+    """No mode, velocity or target, nor the signal that keeps PX4's OFFBOARD open, nor a last stop."""
+    async with cockpit(monkeypatch) as seat:
+        flying = replace(PX4, autopilot=autopilot, vehicle_type=kind, vtol_state=vtol_state)
+        monkeypatch.setattr(f"{__name__}.FLYING", replace(flying, vtol_heard_ns=now_ns() - 10**10))
+        seat.commands = VehicleCommands(
+            mode="guided", velocity_enu_ms=np.array([4.0, 0.0, 0.0]), target_enu_m=np.zeros(3)
+        )
+        await seat.tick(mode)
+        seat.commands = VehicleCommands()
+        await seat.tick(mode)
+        await seat.companion.leave()
+        assert (seat.velocities(), seat.asked, seat.companion.streams.target_enu_m) == ([], [], None)

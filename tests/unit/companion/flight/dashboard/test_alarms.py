@@ -20,6 +20,7 @@ QUIET: dict[str, Any] = {
     "estimate_lost": "",
     "east_m": 0.0,
     "battery_low": False,
+    "no_commands": "",
     "unfit": [],
     "pipeline_failed": False,
     "blocked": False,
@@ -83,6 +84,7 @@ def test_the_reason_is_told_with_the_state(selected: dict[str, Any], text: str) 
         ({"battery_low": True}, "battery"),
         ({"pipeline_failed": True}, "pipeline"),
         ({"blocked": True}, "blocked"),
+        ({"no_commands": "fixed wing"}, "no-commands"),
         ({"unfit": ["COM_OBL_RC_ACT is 0, needs 5"]}, "unfit"),
     ],
 )

@@ -60,7 +60,7 @@ GOOD = LinkStatistics(
     replayed=0,
     orders_refused=0,
 )
-VEHICLE = VehicleState(sysid=1, autopilot="ardupilot", mode="GUIDED")
+VEHICLE = VehicleState(sysid=1, autopilot="ardupilot", vehicle_type=2, mode="GUIDED", last_heartbeat_ns=1)
 ROWS = parse("# On.\nA 1\n# Lag.\n#: accept 0.1..0.3\n#: wanted\nB 0.2")
 
 
@@ -75,6 +75,12 @@ def test_a_good_link_has_nothing_to_remedy() -> None:
     findings = link_findings("udpin:x", VEHICLE, GOOD, STREAMS)
     assert {finding.state for finding in findings} == {"ok"}
     assert not any(finding.remedy for finding in findings)
+
+
+def test_a_vehicle_that_is_never_commanded_is_a_fault() -> None:
+    findings = link_findings("udpin:x", replace(VEHICLE, vehicle_type=1), GOOD, STREAMS)
+    assert states(findings)["vehicle"] == "fail"
+    assert "commands nothing" in next(f.remedy for f in findings if f.check == "vehicle")
 
 
 PX4_STREAMS = expected("px4", 50.0)

@@ -106,6 +106,7 @@ class Flight:
         self.place_by = "LiDAR"
         self.gps_drift_m = 0.0
         self.sticks_us: tuple[int, int] | None = None
+        self.no_command_reason = ""
         self.lost = "LiDAR lost"
         self.far_zones: list[Zone] = []
         self.prior_zones: list[Zone] = []
@@ -168,6 +169,7 @@ class Flight:
             wind=self.wind,
             blocked_above=self.blocked_above(self),
             moving=self.moving(self),
+            no_command_reason=self.no_command_reason,
         )
 
     def surface_of_zone(self, point: np.ndarray) -> SurfaceHere:

@@ -21,13 +21,20 @@ def left_at(point_enu_m: list[float] | None, phase: str = "final", boot_ms: int 
 
 
 def restarted(
-    folder: Path, left: Landing | None, *, mode: str, height: float = 8.0, auto: bool = True
+    folder: Path,
+    left: Landing | None,
+    *,
+    mode: str,
+    height: float = 8.0,
+    auto: bool = True,
+    no_command_reason: str = "",
 ) -> Flight:
     """A flight of a new companion over (20, 0), three steps after it has heard the autopilot."""
     state = StateDir(folder)
     LandingMemory(state).keep(left)
     flight = Flight([zone(1, 20, 0)], auto=auto, height=height)
     flight.position[0], flight.mode = 20.2, mode
+    flight.no_command_reason = no_command_reason
     restart = Restart(LandingMemory(state))
     for _ in range(3):
         flight.step()
@@ -44,6 +51,13 @@ def test_a_landing_under_way_is_watched_again_at_once(tmp_path: Path) -> None:
     assert target is not None
     assert target[:2] == pytest.approx([20, 0], abs=0.02)
     flight.fly_to(Phase.LANDED)
+
+
+def test_a_landing_on_the_wing_is_not_taken_up_again(tmp_path: Path) -> None:
+    flight = restarted(tmp_path, left_at([20, 0, 0]), mode="LAND", no_command_reason="VTOL state unknown")
+    flight.run(3)
+    assert flight.executive.phase is Phase.IDLE
+    assert not any("watching" in text for text in flight.texts)
 
 
 def test_the_point_taken_up_again_is_broken_off_when_it_proves_unsafe(tmp_path: Path) -> None:

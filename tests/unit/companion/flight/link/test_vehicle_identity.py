@@ -9,7 +9,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.link.command_server import CommandServer
 from companion.flight.link.inbox import Inbox
-from companion.flight.link.vehicle_identity import LISTEN_NS, NOT_AIRCRAFT, VehicleIdentity, type_name
+from companion.flight.link.vehicle_class import type_name
+from companion.flight.link.vehicle_identity import LISTEN_NS, NOT_AIRCRAFT, VehicleIdentity
 from companion.flight.link.wire.codec import Codec
 from tests.unit.companion.flight.link.messages import ARMED, heartbeat, received
 

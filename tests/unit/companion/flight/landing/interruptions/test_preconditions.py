@@ -484,3 +484,56 @@ def test_what_is_lost_is_called_by_its_name(blind: str) -> None:
     thing, state = blind.split(" ")
     assert f"SLZ: {blind}: holding" in flight.texts
     assert f"SLZ: {thing} still {state}: take over" in flight.texts
+
+
+# ---- a vehicle that must not be commanded ----------------------------------------------------------
+
+ON_THE_WING = "VTOL in fixed-wing flight"
+
+
+@pytest.mark.parametrize("phase", [*GUIDED_PHASES, Phase.FINAL])
+def test_a_vtol_that_flies_on_its_wing_is_left_alone_until_it_is_handed_over_again(phase: Phase) -> None:
+    flight = flown_to(phase)
+    flight.no_command_reason = ON_THE_WING
+    flight.run(1)
+    assert flight.executive.phase is Phase.IDLE
+    flight.mode, flight.velocity = "GUIDED", np.zeros(3)
+    first = len(flight.commands)
+    flight.run(40)
+    assert silent_since(flight, first)
+    assert [text for text in flight.texts if ON_THE_WING in text] == [f"SLZ: {ON_THE_WING}: hands off"]
+    flight.no_command_reason = ""
+    flight.run(10)
+    assert silent_since(flight, first)
+    assert "SLZ: VTOL hovers: it may be commanded" in flight.texts
+    assert f"SLZ: {flight.mode} without a hand-over: hand over again" in flight.texts
+
+
+def test_a_state_unknown_for_a_moment_after_an_outage_ends_no_landing() -> None:
+    flight = flown_to(Phase.APPROACH)
+    flight.no_command_reason = "VTOL state unknown"
+    flight.run(0.3)
+    flight.no_command_reason = ""
+    flight.fly_to(Phase.LANDED)
+    assert not any("hands off" in text for text in flight.texts)
+
+
+def test_a_fixed_wing_gets_no_command_by_any_order_and_is_told_once() -> None:
+    flight = Flight([zone(1, 20, 0)])
+    flight.no_command_reason = "fixed wing"
+    flight.run(30)
+    executive, situation = flight.executive, flight.situation()
+    point = np.array([20.0, 0.0, 0.0])
+    replies = [
+        executive.land_at_best(situation),
+        executive.land_in_zone(situation, 1),
+        executive.land_at_point(situation, point),
+        executive.land_now(situation),
+    ]
+    assert {(reply.accepted, reply.reason) for reply in replies} == {(False, "fixed wing: not commanded")}
+    assert executive.select_zone(situation, 1).accepted  # it is judged and shown
+    flight.run(5)
+    assert executive.land_at_selected(flight.situation()).reason == "fixed wing: not commanded"
+    flight.run(5)
+    assert silent_since(flight, 0)
+    assert flight.texts == ["SLZ: fixed wing: mapping only"]

@@ -1,0 +1,55 @@
+"""Vehicle class: whether a vehicle of this type, in its present state of flight, may be commanded.
+
+Velocities, the landing mode and a landing target fly a multirotor or helicopter. A fixed wing, and a VTOL in
+fixed-wing flight, ignore them or fly on: PX4 goes straight on at cruise speed in OFFBOARD and sinks. Ground
+and water vehicles, and types that are unknown, are not commanded either.
+"""
+
+from __future__ import annotations
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.flight.link.flight_modes import COPTER_TYPES, Autopilot
+
+VTOL_TYPES = frozenset(range(19, 26))  # MAV_TYPE_VTOL_*
+GENERIC_MULTIROTOR = 43  # MAV_TYPE, newer than the dialect
+ROTARY_WINGS = COPTER_TYPES | {GENERIC_MULTIROTOR}
+NO_VTOL: int = mavlink.MAV_VTOL_STATE_UNDEFINED
+VTOL_HOVERS: int = mavlink.MAV_VTOL_STATE_MC
+VTOL_UNHEARD = -1  # state of a VTOL that was heard too long ago
+VTOL_STATES = {
+    mavlink.MAV_VTOL_STATE_TRANSITION_TO_FW: "VTOL in transition",
+    mavlink.MAV_VTOL_STATE_TRANSITION_TO_MC: "VTOL in transition",
+    mavlink.MAV_VTOL_STATE_FW: "VTOL in fixed-wing flight",
+}
+
+
+def no_command_reason(autopilot: Autopilot, vehicle_type: int, vtol_state: int | None) -> str:
+    """Return why the vehicle must not be commanded, "" if it may.
+
+    Parameters
+    ----------
+    vehicle_type
+        MAV_TYPE of the heartbeat. Both autopilots let their user set it, so a state of a VTOL counts more.
+    vtol_state
+        MAV_VTOL_STATE of EXTENDED_SYS_STATE, or `VTOL_UNHEARD`; None before the first.
+    """
+    is_vtol = vtol_state not in (None, NO_VTOL)
+    if autopilot == "ardupilot":
+        if (
+            is_vtol or vehicle_type in VTOL_TYPES
+        ):  # it takes no velocities and has other modes, any Q_MAV_TYPE
+            return "ArduPlane"
+        return "" if vehicle_type in COPTER_TYPES else type_name(vehicle_type)
+    if not is_vtol and vehicle_type not in VTOL_TYPES:
+        return "" if vehicle_type in ROTARY_WINGS else type_name(vehicle_type)
+    if vtol_state == VTOL_HOVERS:
+        return ""
+    return VTOL_STATES.get(NO_VTOL if vtol_state is None else vtol_state, "VTOL state unknown")
+
+
+def type_name(vehicle_type: int) -> str:
+    """Return the name of a MAV_TYPE in words, or its number if the dialect has no name."""
+    entry = mavlink.enums["MAV_TYPE"].get(vehicle_type)
+    name = "" if entry is None else str(entry.name)
+    return name.removeprefix("MAV_TYPE_").replace("_", " ").lower() or f"type {vehicle_type}"

@@ -1,0 +1,71 @@
+"""Whether a vehicle may be commanded, by its type and its state of flight."""
+
+from __future__ import annotations
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.flight.link.flight_modes import Autopilot
+from companion.flight.link.vehicle_class import no_command_reason
+from companion.flight.link.vehicle_state import VehicleState, reduce
+from tests.unit.companion.flight.link.messages import heartbeat, received
+
+S = 1_000_000_000
+UNDEFINED, TO_FW, TO_MC, MC, FW = range(5)
+QUADROTOR, FIXED_WING, HELICOPTER, ROVER, VTOL = 2, 1, 4, 10, 22
+WINGED = "VTOL in fixed-wing flight"
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "kind", "vtol_state", "reason"),
+    [
+        *(("ardupilot", kind, UNDEFINED, "") for kind in (QUADROTOR, HELICOPTER, 13, 14, 35)),
+        *(("px4", kind, UNDEFINED, "") for kind in (QUADROTOR, HELICOPTER, 13, 14, 35)),
+        ("px4", QUADROTOR, None, ""),
+        ("px4", FIXED_WING, UNDEFINED, "fixed wing"),
+        ("ardupilot", FIXED_WING, UNDEFINED, "fixed wing"),
+        ("px4", VTOL, MC, ""),
+        ("px4", FIXED_WING, MC, ""),  # MAV_TYPE is a parameter of PX4
+        ("px4", VTOL, FW, WINGED),
+        ("px4", QUADROTOR, FW, WINGED),
+        ("px4", VTOL, TO_FW, "VTOL in transition"),
+        ("px4", VTOL, TO_MC, "VTOL in transition"),
+        ("px4", VTOL, UNDEFINED, "VTOL state unknown"),
+        ("px4", VTOL, None, "VTOL state unknown"),
+        ("px4", VTOL, 9, "VTOL state unknown"),
+        *(("ardupilot", kind, MC, "ArduPlane") for kind in (FIXED_WING, QUADROTOR, VTOL)),  # Q_MAV_TYPE
+        ("ardupilot", VTOL, None, "ArduPlane"),
+        ("ardupilot", ROVER, UNDEFINED, "ground rover"),
+        ("px4", 11, UNDEFINED, "surface boat"),
+        ("px4", 5, UNDEFINED, "antenna tracker"),
+        ("px4", 0, UNDEFINED, "generic"),
+        ("other", 200, None, "type 200"),
+    ],
+)  # fmt: skip
+def test_what_flies_as_a_multirotor_or_helicopter_may_be_commanded(
+    autopilot: Autopilot, kind: int, vtol_state: int | None, reason: str
+) -> None:
+    assert no_command_reason(autopilot, kind, vtol_state) == reason
+
+
+def state_after(vtol_state: int, silent_s: float, kind: int = VTOL) -> VehicleState:
+    """A vehicle that was heard with a state, and by its heartbeats alone since then."""
+    beat = heartbeat(autopilot=mavlink.MAV_AUTOPILOT_PX4, kind=kind)
+    state = reduce(VehicleState(), beat, S)
+    state = reduce(state, received(mavlink.MAVLink_extended_sys_state_message(vtol_state, 2)), S)
+    return reduce(state, beat, S + round(silent_s * S))
+
+
+@pytest.mark.parametrize("kind", [VTOL, QUADROTOR])
+def test_a_vtol_that_hovered_some_seconds_ago_may_be_on_the_wing_by_now(kind: int) -> None:
+    assert state_after(MC, 2.0, kind).no_command_reason == ""
+    assert state_after(MC, 3.0, kind).no_command_reason == "VTOL state unknown"
+    assert state_after(FW, 30.0, kind).no_command_reason == WINGED
+
+
+def test_a_multirotor_says_that_it_is_no_vtol_and_need_not_say_it_again() -> None:
+    assert state_after(UNDEFINED, 60.0, QUADROTOR).no_command_reason == ""
+
+
+def test_nothing_is_said_of_a_vehicle_that_nobody_has_heard() -> None:
+    assert VehicleState().no_command_reason == ""
