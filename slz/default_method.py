@@ -98,10 +98,9 @@ class DefaultMethod:
     ) -> None:
         self._p = parameters
         self._other = ThreadPoolExecutor(1, "slz-far-map") if threads == 2 else None
-        far = far_parameters(parameters)
         self._pair = MapPair(
-            lambda centre, numbers: ZoneMap(parameters, centre, numbers),
-            lambda centre, numbers: ZoneMap(far, centre, numbers),
+            lambda centre, numbers: ZoneMap(self._p, centre, numbers),
+            lambda centre, numbers: ZoneMap(far_parameters(self._p), centre, numbers),
             centre_enu_m,
         )
         self._adapter = Adapter(parameters)
@@ -115,6 +114,16 @@ class DefaultMethod:
     def maps(self) -> tuple[ZoneMap, ZoneMap] | None:
         """Near and far map, None before the first window."""
         return self._pair.maps
+
+    def use(self, parameters: Parameters) -> None:
+        """Use other parameters that shape no map from the next window on."""
+        self._p = parameters
+        if self.maps is not None:
+            near, far = self.maps
+            near.use(parameters)
+            far.use(far_parameters(parameters))
+        if self.prior is not None:
+            self.prior.use(parameters)
 
     def process(
         self, window: Window, sensor_enu_m: Points, selected: SelectedPoint | None, clock: StageClock

@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from params import Parameters
 from slz.adaptive import Choice
 from slz.landing_point.corridors import Corridors
 from slz.landing_point.judgement import SelectedPoint
@@ -56,6 +57,9 @@ class Method(Protocol):
     @property
     def maps(self) -> tuple[ResolutionMap, ResolutionMap] | None:
         """Near and far map, None before the first window."""
+
+    def use(self, parameters: Parameters) -> None:
+        """Use other parameters from the next window on; those that shape a map are unchanged."""
 
     def process(
         self, window: Window, sensor_enu_m: Points, selected: SelectedPoint | None, clock: StageClock

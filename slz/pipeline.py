@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from params import Parameters
+from params import Parameters, rows
 from slz.default_method import DefaultMethod
 from slz.frame import LocalFrame, is_known
 from slz.grid import Box
@@ -115,6 +115,26 @@ class Pipeline:
         self._map_number += 1
         self._map_begins, self._far_is_active = True, False
         self._frame = self._selected = None
+
+    @property
+    def parameters(self) -> Parameters:
+        """Parameters of the next window."""
+        return self._parameters
+
+    def use(self, parameters: Parameters) -> None:
+        """Use other parameters from the next window on: one snapshot holds for a whole window.
+
+        Raises
+        ------
+        ValueError
+            A parameter differs that takes effect at the next start only (`params.Row.live`).
+        """
+        shaping = [row.name for row in rows() if not row.live]
+        for name in shaping:
+            if getattr(parameters, name) != getattr(self._parameters, name):
+                raise ValueError(f"{name} cannot change while a pipeline runs: make a new pipeline")
+        self._parameters = parameters
+        self.method.use(parameters)
 
     def prepare(self) -> None:
         """Prefault memory for the next window; optional, for idle time.

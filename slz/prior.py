@@ -128,6 +128,10 @@ class Prior:
         self._dirty, self._level_m = True, 0.0
         self.zones: tuple[Zone, ...] = ()
 
+    def use(self, parameters: Parameters) -> None:
+        """Use other parameters that shape no map; the zones are ranked anew with the next window."""
+        self._parameters, self._dirty = parameters, True
+
     @property
     def grid(self) -> Grid | None:
         """Raster of the surveyed ground in the map frame; None where there is none."""

@@ -146,7 +146,8 @@ class Companion:
             ),
         )  # fmt: skip
         surveyed = None if prior is None else _surveyed(prior, parameters)
-        self.worker = PipelineWorker(parameters, self._reports.on_report, surveyed)
+        self.worker = PipelineWorker(self.settings.running, self._reports.on_report, surveyed)
+        self.settings.on_change.subscribe(lambda *_: self.worker.use(self.settings.running))
         self.worker.on_invalid.subscribe(self._reports.on_invalid)
         self.feed = ScanFeed(
             self.link, self.history, self.worker, self.executive, self.obstacles, self.watch,

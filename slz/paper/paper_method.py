@@ -56,6 +56,10 @@ class PaperMethod:
         """Near and far map, None before the first window."""
         return self._pair.maps
 
+    def use(self, parameters: Parameters) -> None:
+        """Use other parameters from the next window on; none that the sources' rules read may change."""
+        self._p = parameters
+
     def process(
         self, window: Window, sensor_enu_m: Points, selected: SelectedPoint | None, clock: StageClock
     ) -> MethodResult:

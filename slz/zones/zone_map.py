@@ -56,6 +56,10 @@ class ZoneMap:
         """Evidence of the map."""
         return self.terrain.tiles
 
+    def use(self, parameters: Parameters) -> None:
+        """Use other parameters that shape no map, such as `min_certainty`, from the next window on."""
+        self._parameters = parameters
+
     def add_points(
         self,
         points_enu_m: Points,

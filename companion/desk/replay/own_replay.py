@@ -20,7 +20,7 @@ from companion.flight.mapping.window_event import WindowEvent
 from companion.flight.recorder import journal
 from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
 from companion.flight.sensors.returns import Returns
-from params import Parameters
+from params import Parameters, rows
 from slz import LocalFrame, Pipeline, Report, Scan, SpeckDetector, TerrainMaps, without_specks
 from slz.window import join
 
@@ -80,6 +80,10 @@ class Replay:
         if self._sensors.diagnosis is not None:
             self._sensors.diagnosis.repeated = lambda: self._assembler.repeated
         self._pipeline = Pipeline(parameters)
+        flown = header.parameters()
+        self._as_flown = {
+            row.name for row in rows() if getattr(flown, row.name) == getattr(parameters, row.name)
+        }
         self._scans: deque[tuple[int, Scan]] = deque(maxlen=MOST_SCANS)
         self._before = header.scans
         self._document = b""
@@ -134,6 +138,8 @@ class Replay:
             self._scans.append((self._before + self._assembler.scans, scan))
 
     def _window(self, event: WindowEvent, mapping: bool) -> Report | None:
+        if changed := {name: value for name, value in event.changed if name in self._as_flown}:
+            self._pipeline.use(self._pipeline.parameters.model_copy(update=changed))
         if event.anew:
             self._pipeline.begin_new_map()
         for point in event.selects:

@@ -19,7 +19,7 @@ from companion.flight.mapping.report_invariants import (
     Invariants,
     LateReportError,
 )
-from companion.flight.mapping.window_event import WindowEvent, runs
+from companion.flight.mapping.window_event import WindowEvent, differences, runs
 from companion.runtime.clock import now_ns
 from companion.runtime.event import Event
 from companion.runtime.ring_buffer import RingBuffer
@@ -147,6 +147,10 @@ class PipelineWorker:
         """Select a landing point from the next window on, None for none."""
         self._select = [enu_m]
 
+    def use(self, parameters: Parameters) -> None:
+        """Use other parameters from the next window on; only those that may change in flight differ."""
+        self._parameters = parameters
+
     async def run(self) -> None:
         """Process windows until cancelled."""
         loop = asyncio.get_running_loop()
@@ -161,10 +165,13 @@ class PipelineWorker:
                 continue
             selects, self._select = self._select, []
             anew, self._forget = self._forget, False
+            parameters, before = self._parameters, self._pipeline.parameters
+            changed = () if parameters is before else differences(before, parameters)
             points = tuple(None if p is None else (float(p[0]), float(p[1]), float(p[2])) for p in selects)
-            self.on_window.emit(WindowEvent(self._windows, runs(numbers), points, anew), window)
+            event = WindowEvent(self._windows, runs(numbers), points, anew, changed)
+            self.on_window.emit(event, window)
             self._windows += 1
-            task = partial(self._process, window, selects, anew, loop.time)
+            task = partial(self._process, window, selects, anew, parameters, loop.time)
             self._busy_since_s = loop.time()
             try:
                 report = await loop.run_in_executor(self._thread, task)
@@ -220,8 +227,11 @@ class PipelineWorker:
         window: Window,
         selects: list[NDArray[np.float64] | None],
         anew: bool,
+        parameters: Parameters,
         time_s: Callable[[], float],
     ) -> Report:
+        if parameters is not self._pipeline.parameters:
+            self._pipeline.use(parameters)
         if anew:
             self._pipeline.begin_new_map()
         for point in selects:

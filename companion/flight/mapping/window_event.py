@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
+
+from params import Parameters
 
 
 @dataclass(frozen=True, slots=True)
@@ -11,16 +14,24 @@ class WindowEvent:
 
     number: count of windows before it. scans: first and last number of each unbroken run of scans in it.
     selects: points selected before it, None for no point. anew: whether the map was begun anew before it.
+    changed: parameters changed since the window before, by their Python names.
     """
 
     number: int
     scans: tuple[tuple[int, int], ...]
     selects: tuple[tuple[float, float, float] | None, ...] = ()
     anew: bool = False
+    changed: tuple[tuple[str, Any], ...] = ()
 
     def numbers(self) -> list[int]:
         """Return the numbers of its scans."""
         return [n for first, last in self.scans for n in range(first, last + 1)]
+
+
+def differences(before: Parameters, after: Parameters) -> tuple[tuple[str, Any], ...]:
+    """Return the parameters that differ, by their Python names, with their values after the change."""
+    values = before.model_dump()
+    return tuple((name, value) for name, value in after.model_dump().items() if value != values[name])
 
 
 def runs(numbers: list[int]) -> tuple[tuple[int, int], ...]:

@@ -101,6 +101,7 @@ def unpack_event(data: bytes) -> WindowEvent | LocalFrame | int:
             tuple((int(first), int(last)) for first, last in window["scans"]),
             tuple(None if p is None else (float(p[0]), float(p[1]), float(p[2])) for p in window["selects"]),
             bool(window["anew"]),
+            tuple((str(name), value) for name, value in window.get("changed", ())),
         )
     except (KeyError, TypeError, ValueError, IndexError, OverflowError, RecursionError) as error:
         raise BadRecordError(f"an event cannot be read: {error!r}") from None

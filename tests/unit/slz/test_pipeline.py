@@ -427,3 +427,38 @@ def test_the_surface_at_a_point_is_that_of_its_cell_or_of_what_is_most_around_it
     assert pipe.surface_at(at_the_edge).kind is SurfaceKind.BARE
     assert pipe.surface_at(inside).kind is SurfaceKind.ROOF
     assert pipe.surface_at(inside, 8.0).kind is SurfaceKind.BARE
+
+
+# ---- parameters changed in flight ---------------------------------------------------------------
+
+
+def sloped_and_level(seed: int) -> Window:
+    """A wide field that slopes by 8 degrees, and a narrow one that is level."""
+    rng = np.random.default_rng(seed)
+    wide, narrow = rng.uniform(0, 40, (40_000, 2)), np.array([-45.0, 10.0]) + rng.uniform(0, 18, (10_000, 2))
+    wide_up = wide[:, 0] * np.tan(np.radians(8)) + rng.normal(0, 0.02, 40_000)
+    heights = np.concatenate([wide_up, rng.normal(0, 0.005, 10_000)])
+    stamp_ns = (seed + 1) * 1_000_000_000
+    points = np.column_stack([np.concatenate([wide, narrow]), heights])
+    return Window(points, np.full(50_000, stamp_ns), np.full(3, np.nan), FRAME, stamp_ns, stamp_ns)
+
+
+def test_a_certainty_asked_for_in_flight_ranks_near_and_far_zones_as_if_asked_for_at_the_start() -> None:
+    lenient, strict = (params.load("quadcopter", ["zone_m=160", f"min_certainty={c}"]) for c in (0.5, 0.997))
+    changed, fresh, unchanged = Pipeline(lenient), Pipeline(strict), Pipeline(lenient)
+    for pipeline in (changed, fresh, unchanged):
+        pipeline.process(sloped_and_level(0))
+    changed.use(strict)
+    after, expected, before = (p.process(sloped_and_level(1)) for p in (changed, fresh, unchanged))
+    for asked, wanted, old in (
+        (after.near, expected.near, before.near),
+        (after.far, expected.far, before.far),
+    ):
+        assert [(zone.id, zone.why) for zone in asked.zones] == [(zone.id, zone.why) for zone in wanted.zones]
+        assert [zone.why for zone in asked.zones] != [zone.why for zone in old.zones]
+
+
+def test_a_parameter_that_shapes_the_map_is_refused_in_flight() -> None:
+    pipeline = Pipeline(params.load("quadcopter"))
+    with pytest.raises(ValueError, match="cell_m cannot change while a pipeline runs"):
+        pipeline.use(params.load("quadcopter", ["cell_m=0.5"]))

@@ -113,9 +113,10 @@ def with_windows(messages: list[Raw], scans: int = 20) -> list[Raw]:
     return found
 
 
-def window(at_ns: int, first: int, last: int, anew: bool = False) -> Raw:
-    """Return the event of a window of some scans."""
-    event = WindowEvent(first // (last - first + 1), ((first, last),), anew=anew)
+def window(at_ns: int, first: int, last: int, anew: bool = False, **changed: float) -> Raw:
+    """Return the event of a window of some scans; changed: parameters changed in flight before it."""
+    number = first // (last - first + 1)
+    event = WindowEvent(number, ((first, last),), anew=anew, changed=tuple(changed.items()))
     return Raw(journal.EVENT, at_ns, journal.pack_window(event))
 
 

@@ -73,6 +73,15 @@ def test_a_flight_run_again_gives_the_same_zones_to_the_last_bit(path: Path) -> 
     assert summary["files"] == {}
 
 
+@pytest.mark.parametrize(("settings", "certainty"), [([], 0.99), (["min_certainty=0.5"], 0.5)])
+def test_a_parameter_changed_in_flight_is_changed_in_the_replay_unless_it_was_given(
+    settings: list[str], certainty: float
+) -> None:
+    replay = Replay(HEADER, HEADER.parameters(settings))
+    replay.process_message(window(0, 1, 20, min_certainty=0.99))
+    assert replay.pipeline.parameters.min_certainty == certainty
+
+
 def test_another_setting_gives_other_reports_and_the_first_is_told(path: Path) -> None:
     summary = again(path, settings=["cell_m=0.7"])
     assert (summary["identical"], summary["different"]) == (0, summary["windows"])

@@ -11,6 +11,7 @@ import pytest
 import params
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mapping.report_invariants import Invariants, Verdicts
+from companion.flight.mapping.window_event import WindowEvent
 from companion.runtime.clock import now_ns
 from slz import LocalFrame, Pipeline, Report, Scan, Window
 
@@ -79,6 +80,25 @@ async def test_the_newest_window_wins_and_the_lost_one_is_counted() -> None:
     await drive(worker, lambda: bool(reports))
     assert worker.dropped_windows == 3
     assert reports[0].stamp_ns > BEGIN_NS + 3e9
+
+
+async def test_a_parameter_changed_in_flight_holds_from_the_next_window_on() -> None:
+    stricter = params.build(SMALL.model_dump() | {"min_certainty": 0.95})
+    changed: list[object] = []
+
+    def next_window(_: Report) -> None:
+        worker.add_scan(scan(len(changed) + 1.0))
+
+    def change(event: WindowEvent, _: Window) -> None:  # the pipeline's thread begins with its window now
+        changed.append(event.changed)
+        worker.use(stricter)
+
+    worker = PipelineWorker(SMALL, next_window, oldest_ns=3600_000_000_000)
+    worker.on_window.subscribe(change)
+    for second in (0.0, 1.0):
+        worker.add_scan(scan(second))
+    await drive(worker, lambda: len(changed) == 2)
+    assert changed == [(), (("min_certainty", 0.95),)]
 
 
 async def test_a_failure_withdraws_the_answer_until_a_window_succeeds(

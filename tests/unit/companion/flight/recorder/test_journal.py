@@ -32,7 +32,7 @@ def test_a_batch_cut_off_within_a_packet_is_told(batch: journal.Batch, data: st.
 def test_a_window_s_event_comes_out_as_it_went_in(
     numbers: list[int], points: list[tuple[float, float, float] | None], anew: bool
 ) -> None:
-    event = WindowEvent(3, runs(numbers), tuple(points), anew)
+    event = WindowEvent(3, runs(numbers), tuple(points), anew, (("min_certainty", 0.9), ("roof", "avoid")))
     assert event.numbers() == numbers
     assert journal.unpack_event(journal.pack_window(event)) == event
 
