@@ -35,6 +35,7 @@ from companion.flight.link.wire.signing import Signing
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mapping.point_watch import PointWatch
 from companion.flight.mapping.recent_obstacles import RecentObstacles
+from companion.flight.mapping.surroundings import Surroundings
 from companion.flight.mode_requests import ModeRequests
 from companion.flight.outputs.announcers.lidar_announcer import LidarAnnouncer
 from companion.flight.outputs.announcers.odometry_announcer import OdometryAnnouncer
@@ -139,10 +140,12 @@ class Companion:
         self.fitness = Fitness(auto, lambda: self._aids_autopilot)
         self.specks = SpeckDetector()
         self.obstacles = RecentObstacles(self.specks)
+        self.surroundings = Surroundings(self.obstacles, parameters)
         self.watch = PointWatch(math.radians(parameters.angle_noise_deg))
         self._reports = ReportFeed(
             self.link, self.executive, lambda: (
-                self.situations, self.recordings.recorder, self.live, self.ros_node, self.streams, self.page,
+                self.situations, self.recordings.recorder, self.live, self.ros_node,
+                self.surroundings, self.page,
             ),
         )  # fmt: skip
         surveyed = None if prior is None else _surveyed(prior, parameters)
@@ -194,15 +197,15 @@ class Companion:
         self.feed.on_new_map.subscribe(self.situations.on_new_map)
         ranges = lidar_url.partition(":")[0] != "mavlink"  # else they would come back as what was sent
         self.streams = MessageSchedule(
-            self.link, self.history, self.obstacles, parameters,
+            self.link, self.history, self.surroundings, parameters,
             lambda: landing_status(self, self.situations.report_now()), ranges=ranges,
             odometry=lambda: None if self.odometry is None else self.odometry.estimate,
             circle=lambda: landing_circle(self.situation(), parameters),
         )  # fmt: skip
-        self.feed.on_new_map.subscribe(self.streams.forget)
+        self.feed.on_new_map.subscribe(self.surroundings.forget)
         self.modes = ModeRequests(self.link, self.executive)
         self._execution = CommandExecution(
-            self.link, self.history, self.worker, self.streams, self.modes, parameters
+            self.link, self.history, self.worker, self.streams, self.surroundings, self.modes, parameters
         )
         self.order_desk = OrderDesk(self.executive, self.situation, parameters.zone_m)
         self.link.on_command(MavlinkOrders(self.order_desk, lambda: self.history.frame).answer)

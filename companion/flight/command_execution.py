@@ -13,6 +13,7 @@ from companion.flight.landing.look_ahead import LEVEL_M, half_width_m, limit_vel
 from companion.flight.landing.situation import Situation, VehicleCommands
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
+from companion.flight.mapping.surroundings import Surroundings
 from companion.flight.mode_requests import ModeRequests
 from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.outputs.setpoint import offboard_signal, velocity_setpoint
@@ -43,11 +44,12 @@ class CommandExecution:
         history: PoseHistory,
         worker: PipelineWorker,
         streams: MessageSchedule,
+        surroundings: Surroundings,
         modes: ModeRequests,
         parameters: Parameters,
     ) -> None:
         self._link, self._history, self._worker = link, history, worker
-        self._streams, self._modes = streams, modes
+        self._streams, self._surroundings, self._modes = streams, surroundings, modes
         self._lidar_min_m, self._aside_m = parameters.lidar_min_m, half_width_m(parameters)
         self._last_open_ns = 0
         self.blocked = self.blocked_above = False
@@ -101,7 +103,7 @@ class CommandExecution:
         if pose is None or not velocity_enu_ms.any():
             return velocity_enu_ms
         axes = enu_from_level(pose)
-        around = self._streams.around_level_m(pose, situation.now_ns, LEVEL_M)
+        around = self._surroundings.level_frd_m(pose, situation.now_ns, LEVEL_M)
         limited = limit_velocity(velocity_enu_ms @ axes, around, self._lidar_min_m, self._aside_m)
         self.blocked, self.blocked_above = limited.blocked, limited.blocked_above
         return np.asarray(axes @ limited.velocity_frd_ms)

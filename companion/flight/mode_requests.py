@@ -7,6 +7,7 @@ import logging
 
 from companion.flight.landing.executive import Executive
 from companion.flight.landing.situation import COMMANDING, Phase, Severity, Situation
+from companion.flight.link.flight_modes import GUIDED, PRECISION_LANDING
 from companion.flight.link.link import Link
 from companion.runtime.clock import now_ns
 
@@ -32,9 +33,9 @@ class ModeRequests:
         if pending and kind == self._wanted:
             return
         self._wanted = kind
-        px4 = self._link.vehicle.autopilot == "px4"
-        mode = {"guided": "OFFBOARD" if px4 else "GUIDED", "land": "AUTO.PRECLAND" if px4 else "LAND"}[kind]
-        self._task = asyncio.create_task(self._set_mode(mode), name="set-mode")
+        mode = {"guided": GUIDED, "land": PRECISION_LANDING}[kind].get(self._link.vehicle.autopilot)
+        if mode is not None:
+            self._task = asyncio.create_task(self._set_mode(mode), name="set-mode")
 
     def review(self, situation: Situation) -> None:
         """Give a request up that was reached or is not wanted, or whose mode the pilot may have chosen."""

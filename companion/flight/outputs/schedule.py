@@ -13,9 +13,8 @@ from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.axes import Floats, level_frd_m
 from companion.flight.geometry.pose import Pose
 from companion.flight.link.link import Link
-from companion.flight.mapping.clearance import BAND_M, band_m, height_m, obstacle_points_enu_m
-from companion.flight.mapping.recent_obstacles import RecentObstacles
-from companion.flight.mapping.wire_points import wire_points_enu_m
+from companion.flight.mapping.clearance import BAND_M, band_m, obstacle_points_enu_m
+from companion.flight.mapping.surroundings import FARTHEST_M, Surroundings
 from companion.flight.outputs.cadence import Cadence
 from companion.flight.outputs.distance_sensor import downward_distance
 from companion.flight.outputs.external_position.odometry_stream import OdometryStream
@@ -26,7 +25,7 @@ from companion.flight.outputs.obstacle_distance import obstacle_distance
 from companion.flight.outputs.obstacle_points import obstacle_points
 from companion.runtime.clock import now_ns
 from params import Parameters
-from slz import Nearby, Report
+from slz import Nearby
 
 HEIGHT_HZ = 10.0
 STATUS_HZ = 1.0
@@ -34,10 +33,6 @@ STATUS_HZ = 1.0
 ODOMETRY_LOOK_HZ = 100.0
 ODOMETRY_HZ = 10.0
 POINTS_EVERY = 3
-CELL_POINTS = 3
-FARTHEST_M = 50.0
-# A map older than this does not show the present obstacles.
-REPORT_NS = 5_000_000_000
 
 
 class MessageSchedule:
@@ -45,6 +40,8 @@ class MessageSchedule:
 
     Parameters
     ----------
+    surroundings
+        Obstacles and ground around the vehicle.
     ranges
         Whether to send ranges and obstacles: False if the LiDAR's data come through the autopilot, which
         forwards what it receives, so that the map would confirm itself.
@@ -57,8 +54,6 @@ class MessageSchedule:
     ----------
     target_enu_m
         Landing point (3,) for LANDING_TARGET, None for none.
-    report
-        Newest report, None without one.
     height_m
         Height above ground as last sent, None while unknown.
     """
@@ -67,7 +62,7 @@ class MessageSchedule:
         self,
         link: Link,
         history: PoseHistory,
-        memory: RecentObstacles,
+        surroundings: Surroundings,
         parameters: Parameters,
         status: Callable[[], Status],
         ranges: bool = True,
@@ -76,7 +71,7 @@ class MessageSchedule:
     ) -> None:
         self._link = link
         self._history = history
-        self._memory = memory
+        self._surroundings = surroundings
         self._parameters = parameters
         self._status = status
         self._ranges = ranges
@@ -87,9 +82,7 @@ class MessageSchedule:
         self._batch_ms = 0
         self._turn = 0
         self.target_enu_m: Floats | None = None
-        self.report: Report | None = None
         self.height_m: float | None = None
-        self._report_ns = 0
         self._cadences = {
             "LANDING_TARGET": Cadence(parameters.landing_target_hz),
             "OBSTACLE_DISTANCE": Cadence(parameters.obstacle_hz),
@@ -97,15 +90,6 @@ class MessageSchedule:
             "DISTANCE_SENSOR": Cadence(HEIGHT_HZ),
             "ODOMETRY": Cadence(ODOMETRY_HZ),
         }
-
-    def use_report(self, report: Report) -> None:
-        """Use a report from now on."""
-        self.report, self._report_ns = report, now_ns()
-
-    def forget(self) -> None:
-        """Drop report and recent returns: the position estimate moved."""
-        self.report = None
-        self._memory.forget()
 
     async def run(self) -> None:
         """Send until cancelled."""
@@ -123,20 +107,6 @@ class MessageSchedule:
     def statistics(self) -> dict[str, Any]:
         """Return the cadence of each stream by message name."""
         return {name: cadence.summary() for name, cadence in self._cadences.items()}
-
-    def around_level_m(self, pose: Pose, at_ns: int, low_m: float) -> Floats:
-        """Return obstacles (n, 3) in level forward-right-down: fresh returns, the map's cells, and wires.
-
-        Cells reach from the ground to their tops; those lower than `low_m` below the vehicle are left out. A
-        cell and a place of a wire count as `CELL_POINTS` points, so that they are not taken for dust.
-        """
-        fresh, around = self._memory.level_frd_m(pose, at_ns), self._around()
-        solid = self._wires_enu_m(pose, FARTHEST_M)
-        if around is not None:
-            columns = around.columns_enu_m(float(pose.position_enu_m[2]) - low_m)
-            columns[:, 2] = np.minimum(columns[:, 2], pose.position_enu_m[2])
-            solid = np.concatenate([columns, solid])
-        return np.concatenate([fresh, np.repeat(level_frd_m(solid, pose), CELL_POINTS, axis=0)])
 
     # ---- the streams ----------------------------------------------------------------------------
 
@@ -163,7 +133,7 @@ class MessageSchedule:
         if pose is None:
             self._send("OBSTACLE_DISTANCE", None)
             return
-        p, around = self._parameters, self._around()
+        p, around = self._parameters, self._surroundings.nearby()
         at_ns = now_ns()
         reach_m = min(p.lidar_max_m, FARTHEST_M)
         if self._link.vehicle.landed == "on_ground":  # the ground would count as obstacle and forbid arming
@@ -172,16 +142,16 @@ class MessageSchedule:
             message = obstacle_distance(nothing, at_ns, min_m=p.lidar_min_m, max_m=reach_m, band_m=band)
             self._send("OBSTACLE_DISTANCE", message)
             return
-        band = band_m(self._height_m(pose, at_ns), p.relief_m)
+        band = band_m(self._surroundings.height_m(pose.position_enu_m, at_ns), p.relief_m)
         if self._turn % POINTS_EVERY == 0:
             self._send_points(pose, around, band[1], reach_m)
         self._turn += 1
         columns = np.empty((0, 3))
         if around is not None:
             columns = level_frd_m(around.columns_enu_m(float(pose.position_enu_m[2]) - band[1]), pose)
-        wires = level_frd_m(self._wires_enu_m(pose, reach_m), pose)
+        wires = level_frd_m(self._surroundings.wires_enu_m(pose.position_enu_m, reach_m), pose)
         message = obstacle_distance(
-            np.concatenate([self._memory.level_frd_m(pose, at_ns), wires]),
+            np.concatenate([self._surroundings.returns.level_frd_m(pose, at_ns), wires]),
             at_ns,
             min_m=p.lidar_min_m,
             max_m=reach_m,
@@ -195,9 +165,10 @@ class MessageSchedule:
         """Send a batch of points to ArduPilot; distances must follow, because some versions forget them."""
         if self._link.vehicle.autopilot != "ardupilot":
             return
-        selected = None if self.report is None else self.report.selected
+        report = self._surroundings.report
+        selected = None if report is None else report.selected
         points = obstacle_points_enu_m(pose.position_enu_m, around, selected, low_m)
-        points = np.concatenate([points, self._wires_enu_m(pose, reach_m)])
+        points = np.concatenate([points, self._surroundings.wires_enu_m(pose.position_enu_m, reach_m)])
         self._batch_ms = max(self._batch_ms + 1, self._boot_ms())
         least_m = self._parameters.lidar_min_m
         for message in obstacle_points(points, pose, self._batch_ms, min_m=least_m, max_m=reach_m):
@@ -206,7 +177,9 @@ class MessageSchedule:
     def send_height(self) -> None:
         """Send the height above ground while it is known."""
         pose = self._pose_of_fresh_scans()
-        height = self.height_m = None if pose is None else self._height_m(pose, now_ns())
+        height = self.height_m = (
+            None if pose is None else self._surroundings.height_m(pose.position_enu_m, now_ns())
+        )
         message = None
         if pose is not None and height is not None:
             message = downward_distance(height, self._boot_ms(), -float(pose.rotation_enu_from_frd[2, 2]))
@@ -246,21 +219,10 @@ class MessageSchedule:
     def _pose_of_fresh_scans(self) -> Pose | None:
         if not self._ranges:
             return None
-        at_ns, newest_ns = now_ns(), self._memory.newest_ns
+        at_ns, newest_ns = now_ns(), self._surroundings.returns.newest_ns
         if newest_ns is None or at_ns - newest_ns > self._parameters.lidar_timeout_s * 1e9:
             return None
         return self._history.latest(at_ns)
-
-    def _height_m(self, pose: Pose, at_ns: int) -> float:
-        return height_m(pose.position_enu_m, at_ns, self._memory, self._around(), self._parameters.relief_m)
-
-    def _around(self) -> Nearby | None:
-        old = self.report is None or now_ns() - self._report_ns > REPORT_NS
-        return None if old or self.report is None else self.report.nearby
-
-    def _wires_enu_m(self, pose: Pose, reach_m: float) -> Floats:
-        """Return points along the wires around the vehicle; they stay however old the report is."""
-        return wire_points_enu_m(self.report, pose.position_enu_m, reach_m)
 
     def _boot_ms(self) -> int:
         return self._link.vehicle.boot_ms or 0

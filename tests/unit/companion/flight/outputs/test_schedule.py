@@ -22,7 +22,9 @@ from companion.flight.landing.look_ahead import LEVEL_M, limit_velocity
 from companion.flight.link.flight_modes import Autopilot
 from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.mapping import surroundings
 from companion.flight.mapping.recent_obstacles import RecentObstacles
+from companion.flight.mapping.surroundings import Surroundings
 from companion.flight.outputs import schedule
 from companion.flight.outputs.landing_status import Status
 from companion.flight.outputs.map_circle import MapCircle
@@ -73,12 +75,14 @@ class Flight:
     def __init__(self, monkeypatch: pytest.MonkeyPatch, autopilot: Autopilot = "ardupilot") -> None:
         self.now_ns = 50 * S
         self.quat_wxyz = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
-        monkeypatch.setattr(schedule, "now_ns", lambda: self.now_ns)
+        for module in (schedule, surroundings):
+            monkeypatch.setattr(module, "now_ns", lambda: self.now_ns)
         self.link = FakeLink(autopilot)
         self.history = PoseHistory(Parameters(), FRAME)
         self.memory = RecentObstacles(thin=1)
+        self.around = Surroundings(self.memory, Parameters())
         self.streams = MessageSchedule(
-            cast(Link, self.link), self.history, self.memory, Parameters(), lambda: STATUS
+            cast(Link, self.link), self.history, self.around, Parameters(), lambda: STATUS
         )
         self.moves(0)
 
@@ -106,7 +110,7 @@ class Flight:
         object.__setattr__(report, "nearby", Nearby(-20.25, -20.25, 0.5, ground, top))
         object.__setattr__(report, "selected", None)
         object.__setattr__(report, "wires", wires)
-        self.streams.use_report(report)
+        self.around.use_report(report)
 
 
 @pytest.fixture
@@ -115,8 +119,8 @@ def flight(monkeypatch: pytest.MonkeyPatch) -> Flight:
 
 
 def test_ranges_that_came_from_the_autopilot_are_not_told_back_to_it(flight: Flight) -> None:
-    link, memory = cast(Link, flight.link), flight.memory
-    flight.streams = MessageSchedule(link, flight.history, memory, Parameters(), lambda: STATUS, ranges=False)
+    link, around = cast(Link, flight.link), flight.around
+    flight.streams = MessageSchedule(link, flight.history, around, Parameters(), lambda: STATUS, ranges=False)
     flight.maps()
     flight.sees_ground()
     flight.streams.send_obstacles()
@@ -176,7 +180,7 @@ def test_velocity_is_limited_before_a_wire_that_no_return_shows(flight: Flight) 
     flight.sees_ground()
     pose = flight.history.latest(flight.now_ns)
     assert pose is not None
-    around = flight.streams.around_level_m(pose, flight.now_ns, LEVEL_M)
+    around = flight.around.level_frd_m(pose, flight.now_ns, LEVEL_M)
     towards = np.array([0.0, 6.0, 0.0])
     limited = limit_velocity(towards, around, 1.0)
     assert 0.5 < limited.velocity_frd_ms[1] < 5.0
@@ -305,7 +309,7 @@ def test_without_a_target_or_a_fresh_pose_nothing_leads_the_vehicle(flight: Flig
 def test_a_jump_of_the_estimate_forgets_map_and_returns(flight: Flight) -> None:
     flight.maps()
     flight.sees_ground()
-    flight.streams.forget()
+    flight.around.forget()
     flight.streams.send_obstacles()
     flight.streams.send_height()
     assert flight.link.sent == []
@@ -319,8 +323,8 @@ def test_rates_are_kept_on_a_clock_that_only_the_loop_moves() -> None:
     link.vehicle = replace(link.vehicle, boot_ms=None)
 
     async def fly() -> dict[str, Any]:
-        history, memory = PoseHistory(parameters, FRAME), RecentObstacles()
-        sender = MessageSchedule(cast(Link, link), history, memory, parameters, lambda: STATUS)
+        history, around = PoseHistory(parameters, FRAME), Surroundings(RecentObstacles(), parameters)
+        sender = MessageSchedule(cast(Link, link), history, around, parameters, lambda: STATUS)
         sender.target_enu_m = np.zeros(3)
         task = asyncio.create_task(sender.run())
         for _ in range(250):
@@ -349,8 +353,8 @@ def test_a_rate_that_is_set_in_flight_holds_from_the_next_message_on(flight: Fli
     sent = []
 
     async def fly() -> None:
-        history, memory = PoseHistory(settings.live, FRAME), RecentObstacles()
-        sender = MessageSchedule(cast(Link, flight.link), history, memory, settings.live, lambda: STATUS)
+        history, around = PoseHistory(settings.live, FRAME), Surroundings(RecentObstacles(), settings.live)
+        sender = MessageSchedule(cast(Link, flight.link), history, around, settings.live, lambda: STATUS)
         sender.send_obstacles = lambda: sent.append(loop.time())  # type: ignore[method-assign]
         task = asyncio.create_task(sender.run())
         await asyncio.sleep(2.0)
@@ -377,7 +381,7 @@ def test_the_lidar_odometry_is_sent_if_the_autopilot_shall_use_it(
     flight.streams = MessageSchedule(
         cast(Link, flight.link),
         flight.history,
-        flight.memory,
+        flight.around,
         Parameters(odometry=odometry),
         lambda: STATUS,
         odometry=lambda: newest[-1] if newest else None,
@@ -409,7 +413,7 @@ def test_the_landing_point_is_on_the_station_s_map_if_that_was_asked_for(flight:
     flight.streams = MessageSchedule(
         cast(Link, flight.link),
         flight.history,
-        flight.memory,
+        flight.around,
         settings.live,
         lambda: STATUS,
         circle=lambda: shown[-1] if shown else None,
