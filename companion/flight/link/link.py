@@ -113,7 +113,6 @@ class Link:
         self._subscribers: defaultdict[tuple[str, bool], Event[[Any, int]]] = defaultdict(Event)
         self._text_id = 0
         self._unheard = UnheardTexts()
-        self._silent_since_ns = 0  # time of the last heartbeat before the link was lost
         self._stop: asyncio.Event | None = None
         self._failure: asyncio.Future[None] | None = None
         self._ended = asyncio.Event()
@@ -356,6 +355,8 @@ class Link:
         if from_vehicle:
             self._rates.record(name, at_ns)
             self._streams.record_arrival(name, at_ns)
+            for text, severity in self._unheard.on_heard(at_ns):
+                self._send_text(text, severity)
         for key in ((name, True), ("*", True), (name, False)):
             if key in self._subscribers and (key[1] or from_vehicle):
                 self._subscribers[key].emit(message, at_ns)
@@ -375,7 +376,6 @@ class Link:
                 raise self.identity.error()
             heard_ns = self.vehicle.last_heartbeat_ns
             if self.connected and heard_ns is not None and at_ns - heard_ns > timeout_ns:
-                self._silent_since_ns = heard_ns
                 self._set_connected(False)
             if self.connected and (stamp := self.timesync.request(at_ns)) is not None:
                 self.on_time_asked.emit(at_ns)
@@ -432,9 +432,6 @@ class Link:
                 wanted(self.vehicle.autopilot, p.pose_rate_hz, odometry=p.odometry == "autopilot")
             )
             self._set_connected(True)
-            missed = [] if self._stop is None else self._unheard.to_resend(self._silent_since_ns, now_ns())
-            for text, severity in missed:
-                self._send_text(text, severity)
 
     def _set_connected(self, connected: bool) -> None:
         self.connected = connected

@@ -2,10 +2,37 @@
 
 from __future__ import annotations
 
+import pytest
+
 from companion.flight.link.unheard_texts import KEPT, UnheardTexts
 
-S = 1_000_000_000
+S, MS = 1_000_000_000, 1_000_000
 CRITICAL, WARNING, INFO = 2, 4, 6
+
+
+def heard(texts: UnheardTexts, until_ns: int, every_ns: int = 20 * MS) -> list[str]:
+    """Let the vehicle be heard for two seconds up to a time; return what is sent again."""
+    times = range(until_ns - 2 * S, until_ns + 1, every_ns)
+    return [text for at_ns in times for text, _ in texts.on_heard(at_ns)]
+
+
+@pytest.mark.parametrize("silent_ns", [500 * MS, S, 2 * S, 5 * S, 60 * S])
+def test_a_warning_said_into_an_outage_of_any_length_is_said_again(silent_ns: int) -> None:
+    texts = UnheardTexts()
+    assert heard(texts, 4 * S) == []
+    texts.record("SLZ: abort: position lost", WARNING, 4 * S + silent_ns // 2)
+    ((text, severity),) = texts.on_heard(4 * S + silent_ns)
+    assert severity == WARNING
+    assert text.endswith(" s ago: abort: position lost")
+    assert heard(texts, 6 * S + silent_ns + 20 * MS) == []
+
+
+def test_a_vehicle_that_is_heard_once_a_second_only_is_not_silent_between() -> None:
+    texts = UnheardTexts()
+    for k in range(60):
+        texts.record(f"SLZ: warning {k}", WARNING, k * S + S // 2)
+        said = texts.on_heard((k + 1) * S)
+    assert said == []
 
 
 def test_only_warnings_of_the_silence_are_told_with_their_age() -> None:
@@ -13,7 +40,8 @@ def test_only_warnings_of_the_silence_are_told_with_their_age() -> None:
     texts.record("SLZ: before", WARNING, 1 * S)
     texts.record("SLZ: abort: position lost", WARNING, 5 * S)
     texts.record("SLZ: surveying", INFO, 6 * S)
-    assert texts.to_resend(4 * S, 8 * S) == [("SLZ: 3 s ago: abort: position lost", WARNING)]
+    texts.on_heard(4 * S)
+    assert texts.on_heard(8 * S) == [("SLZ: 3 s ago: abort: position lost", WARNING)]
 
 
 def test_many_warnings_do_not_push_out_a_call_of_the_pilot() -> None:
@@ -21,7 +49,8 @@ def test_many_warnings_do_not_push_out_a_call_of_the_pilot() -> None:
     texts.record("SLZ: take over", CRITICAL, 5 * S)
     for k in range(3 * KEPT):
         texts.record(f"SLZ: warning {k}", WARNING, 6 * S)
-    told = [text for text, _ in texts.to_resend(4 * S, 8 * S)]
+    texts.on_heard(4 * S)
+    told = [text for text, _ in texts.on_heard(8 * S)]
     assert told[0] == "SLZ: 3 s ago: take over"
     assert len(told) == KEPT
 
@@ -30,4 +59,5 @@ def test_a_text_said_again_and_again_counts_once() -> None:
     texts = UnheardTexts()
     for k in range(3 * KEPT):
         texts.record(f"SLZ: {'map' if k % 2 else 'scans'} late: holding", WARNING, (5 + k) * S)
-    assert len(texts.to_resend(4 * S, 40 * S)) == 2
+    texts.on_heard(4 * S)
+    assert len(texts.on_heard(40 * S)) == 2
