@@ -107,7 +107,7 @@ async def mission(system: System, page: str) -> dict[str, Any]:
     print(f"landing in zone {zone['id']}: {zone['area_m2']:.0f} m2, certainty {zone['certainty']:.2f}")
     # Its best point comes under watch; then the hand-over: land at the point under watch.
     await again("select", lambda: param.set_param_int("SLZ_SELECT", zone["id"]))
-    await again("land", lambda: param.set_param_int("SLZ_DO", 2))
+    await again("land", lambda: param.set_param_int("SLZ_DO", 6))
     await first(telemetry.subscribe_landed_state(), lambda s: s == LandedState.ON_GROUND, limit_s=180)
     touchdown = await first(telemetry.subscribe_position(), lambda _: True)
     return {"ordered_zone": zone["id"], "lat": touchdown.latitude_deg, "lon": touchdown.longitude_deg}

@@ -8,30 +8,22 @@ from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.landing.operator_order import Order, OrderDesk, OrderKind
+from companion.flight.landing.operator_order import NUMBERS, OF_ZONES, Order, OrderDesk, OrderKind
 from companion.flight.landing.situation import Reply
 from companion.flight.link.command_server import CommandReply, OperatorCommand
 from slz import LocalFrame
 
 POINT = 3  # param1: select (param2 = 0) or land at (param2 = 1) the point in x, y, z
-KINDS = {
-    0: OrderKind.ABORT,
-    1: OrderKind.LAND_AT_BEST,
-    2: OrderKind.LAND_IN_ZONE,
-    4: OrderKind.LAND_NOW,
-    5: OrderKind.SELECT_ZONE,
-    6: OrderKind.LAND_AT_SELECTED,
-}
-OF_ZONES = frozenset({OrderKind.LAND_IN_ZONE, OrderKind.SELECT_ZONE})
+KINDS = NUMBERS | {0: OrderKind.ABORT, 4: OrderKind.LAND_NOW}  # 0 and 4: older numbers of 7 and 8
 
 
 class MavlinkOrders:
     """Converts MAV_CMD_USER_1 to orders.
 
-    param1: 0 abort, 1 land at the best zone, 2 land at zone param2, 3 select (param2 = 0) or land at
-    (param2 = 1) the point in x, y, z: latitude, longitude (degrees), altitude above mean sea level (m),
-    4 land now at the zone reached soonest, from any mode (emergency), 5 select zone param2, 6 land at the
-    selected point.
+    param1: 1 land at the best zone, 2 land at zone param2, 3 select (param2 = 0) or land at (param2 = 1) the
+    point in x, y, z: latitude, longitude (degrees), altitude above mean sea level (m), 5 select zone param2,
+    6 land at the selected point, 7 or 0 abort, 8 or 4 land now at the zone reached soonest, from any mode
+    (emergency).
 
     Parameters
     ----------
@@ -55,7 +47,7 @@ class MavlinkOrders:
         count = self._desk.order_count
         return replace(
             answer,
-            always=command.params[0] == 0,
+            always=isinstance(order, Order) and order.kind is OrderKind.ABORT,
             is_in_effect=lambda: self._desk.order_count == count,
         )
 

@@ -25,6 +25,18 @@ class OrderKind(Enum):
     LAND_AT_SELECTED = auto()
 
 
+# Numbers of the orders, the same as MAV_CMD_USER_1 and as SLZ_DO. 3 is a point, with its place.
+NUMBERS = {
+    1: OrderKind.LAND_AT_BEST,
+    2: OrderKind.LAND_IN_ZONE,
+    5: OrderKind.SELECT_ZONE,
+    6: OrderKind.LAND_AT_SELECTED,
+    7: OrderKind.ABORT,
+    8: OrderKind.LAND_NOW,
+}
+OF_ZONES = frozenset({OrderKind.LAND_IN_ZONE, OrderKind.SELECT_ZONE})
+
+
 @dataclass(frozen=True, slots=True)
 class Order:
     """One order.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from companion.flight.landing.operator_order import Order, OrderDesk, OrderKind
+from companion.flight.landing.operator_order import NUMBERS, OF_ZONES, Order, OrderDesk, OrderKind
 from companion.flight.services.settings import Change
 from companion.runtime.clock import now_ns
 from params import Row
@@ -26,18 +26,19 @@ DO_ROW = Row(
     unit="",
     kind=int,
     low=0,
-    high=4,
+    high=8,
     choices=(),
     default=0,
     source="operator",
-    sentence="Order: 1 land at the best zone, 2 at the selected point, 3 emergency, 4 abort. Reads as 0.",
+    sentence="Order: 1 land at the best zone, 6 at the selected point, 7 abort, 8 emergency. Reads as 0.",
     live=True,
 )
-ORDERS = {
-    1: OrderKind.LAND_AT_BEST,
-    2: OrderKind.LAND_AT_SELECTED,
-    3: OrderKind.LAND_NOW,
-    4: OrderKind.ABORT,
+ORDERS = {number: kind for number, kind in NUMBERS.items() if kind not in OF_ZONES}
+# Numbers with another meaning before version 0.3, when MAV_CMD_USER_1 had other ones.
+RENUMBERED = {
+    2: "selected point is 6 now",
+    3: "emergency is 8 now",
+    4: "abort is 7, emergency 8 now",
 }
 # A station that missed the answer sets the parameter again: a repeat, while the first order is valid.
 REPEAT_NS = 3_000_000_000
@@ -83,6 +84,8 @@ class OrderParameters:
             return Change(False, f"{row.mavlink}: must be 0 to {row.high:g}")
         if (name, value, self._desk.order_count) == self._last and now_ns() - self._last_ns < REPEAT_NS:
             return Change(True, "")
+        if name == "do" and value not in ORDERS:
+            return Change(False, f"SLZ_DO {value}: {RENUMBERED.get(value, 'no such order')}")
         order = Order(OrderKind.SELECT_ZONE, value) if name == "select" else Order(ORDERS[value])
         if (name, value) == self._asked and self._is_resent():
             return Change(False, f"{row.mavlink} {value}: sent again too soon to confirm")

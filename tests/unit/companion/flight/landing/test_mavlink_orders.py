@@ -57,6 +57,8 @@ def command(*params: float, at: tuple[float, float, float] = (0, 0, 0), **more: 
         ((4.0,), ("land_now",)),
         ((5.0, 9.0), ("select_zone", 9)),
         ((6.0,), ("land_at_selected",)),
+        ((7.0,), ("abort",)),
+        ((8.0,), ("land_now",)),
     ],
 )
 def test_each_number_is_its_order_and_no_other(params: tuple[float, ...], asked: tuple[Any, ...]) -> None:
@@ -66,7 +68,7 @@ def test_each_number_is_its_order_and_no_other(params: tuple[float, ...], asked:
 
 
 @pytest.mark.parametrize(
-    "params", [(7.0,), (-1.0,), (1.5,), (math.nan,), (2.0, 1.5), (2.0, math.nan), (5.0, 0.1), (3.0, 2.0)]
+    "params", [(9.0,), (-1.0,), (1.5,), (math.nan,), (2.0, 1.5), (2.0, math.nan), (5.0, 0.1), (3.0, 2.0)]
 )
 def test_what_is_no_order_is_denied_and_nothing_is_done(params: tuple[float, ...]) -> None:
     orders, executive = desk()

@@ -11,8 +11,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.flight.landing.mavlink_orders import KINDS
 from companion.flight.landing.operator_order import Order, OrderDesk, OrderKind
 from companion.flight.landing.situation import Reply
+from companion.flight.link.statustext import CHUNK_BYTES
 from companion.flight.services import order_parameters
-from companion.flight.services.order_parameters import REPEAT_NS, OrderParameters
+from companion.flight.services.order_parameters import ORDERS, REPEAT_NS, OrderParameters
 from companion.flight.services.parameter_server import ParameterServer
 from params import Row, rows
 from tests import REPOSITORY
@@ -70,9 +71,9 @@ def desk(monkeypatch: pytest.MonkeyPatch) -> Desk:
     ("value", "kind"),
     [
         (1, OrderKind.LAND_AT_BEST),
-        (2, OrderKind.LAND_AT_SELECTED),
-        (3, OrderKind.LAND_NOW),
-        (4, OrderKind.ABORT),
+        (6, OrderKind.LAND_AT_SELECTED),
+        (7, OrderKind.ABORT),
+        (8, OrderKind.LAND_NOW),
     ],
 )
 def test_an_order_is_carried_out_read_back_and_reads_as_none(desk: Desk, value: int, kind: OrderKind) -> None:
@@ -93,7 +94,30 @@ def test_a_refused_order_tells_the_reason(desk: Desk) -> None:
     assert desk.texts == [("SLZ: SLZ_SELECT 8: no zone 8", False)]
 
 
-@pytest.mark.parametrize("value", [5, -1, 0.5, float("nan"), 1e9])
+def test_a_number_orders_the_same_as_a_parameter_and_as_a_command() -> None:
+    assert {number: kind for number, kind in KINDS.items() if number in ORDERS} == ORDERS
+    assert {KINDS[0], KINDS[4]} == {KINDS[7], KINDS[8]}  # its older numbers
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        (2, "selected point is 6 now"),
+        (3, "emergency is 8 now"),
+        (4, "abort is 7, emergency 8 now"),
+        (5, "no such order"),
+    ],
+)
+def test_a_number_that_once_ordered_something_else_is_refused_with_the_new_one(
+    desk: Desk, value: int, reason: str
+) -> None:
+    assert desk.set("SLZ_DO", value)[0][0] == "PARAM_ERROR"
+    assert desk.listener.orders == []
+    assert desk.texts == [(f"SLZ: SLZ_DO {value}: {reason}", False)]
+    assert len(desk.texts[0][0]) <= CHUNK_BYTES
+
+
+@pytest.mark.parametrize("value", [9, -1, 0.5, float("nan"), 1e9])
 def test_what_is_no_order_is_refused_and_orders_nothing(desk: Desk, value: float) -> None:
     assert desk.set("SLZ_DO", value)[0][0] == "PARAM_ERROR"
     assert desk.listener.orders == []
@@ -111,7 +135,7 @@ def test_a_parameter_set_again_for_a_lost_answer_is_one_order(desk: Desk) -> Non
 def test_an_abort_is_carried_out_each_time_it_comes(desk: Desk) -> None:
     for _ in range(3):
         desk.now_ns += REPEAT_NS // 10
-        desk.set("SLZ_DO", 4)
+        desk.set("SLZ_DO", 7)
     assert desk.listener.orders == [Order(OrderKind.ABORT)] * 3
 
 
@@ -165,21 +189,21 @@ def test_a_station_that_sets_again_without_its_pilot_confirms_nothing(desk: Desk
     """A parameter has no counter of its repetitions: they come each three seconds while answers are lost."""
     desk.listener.refuses, desk.listener.asks = "zone 2: roof, 25 m up: order again to confirm", True
     for _ in range(4):
-        desk.set("SLZ_DO", 2)
+        desk.set("SLZ_DO", 6)
         desk.now_ns += 3 * 10**9
     assert len(desk.listener.orders) == 1
     desk.now_ns += 2 * 10**9
-    desk.set("SLZ_DO", 2)
+    desk.set("SLZ_DO", 6)
     assert len(desk.listener.orders) == 2
     assert desk.texts[-2:] == [
-        ("SLZ: SLZ_DO 2: sent again too soon to confirm", False),
-        ("SLZ: SLZ_DO 2: zone 2: roof, 25 m up: order again to confirm", False),
+        ("SLZ: SLZ_DO 6: sent again too soon to confirm", False),
+        ("SLZ: SLZ_DO 6: zone 2: roof, 25 m up: order again to confirm", False),
     ]
 
 
 def test_another_refusal_is_not_kept(desk: Desk) -> None:
     desk.listener.refuses = "set GUIDED first"
     for _ in range(2):
-        desk.set("SLZ_DO", 2)
+        desk.set("SLZ_DO", 6)
         desk.now_ns += 10**9
     assert len(desk.listener.orders) == 2
