@@ -9,7 +9,7 @@ from companion.flight.fusion.odometry.place_source import PlaceSource
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.fusion.wind_estimate import WindEstimate
 from companion.flight.geometry.axes import heading_rad
-from companion.flight.landing.situation import Situation
+from companion.flight.landing.situation import MissingInput, Situation
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mapping.point_watch import PointWatch
@@ -152,15 +152,15 @@ class SituationSource:
 
     # ---- parts ----------------------------------------------------------------------------------
 
-    def _no_map_reason(self, now: int) -> str:
+    def _no_map_reason(self, now: int) -> MissingInput:
         """Return why scans or map are missing: the link, the LiDAR or the computer."""
         if not self._mode_is_known(now) or self._history.latest(now) is None:
-            return "link lost"  # scans wait for poses
+            return MissingInput.LINK_LOST  # scans wait for poses
         if not _is_recent(self._lidar.last_arrival_ns, now, round(self._p.lidar_timeout_s * 1e9)):
-            return "LiDAR lost"
+            return MissingInput.LIDAR_LOST
         if not self.scans_are_fresh(now):
-            return "scans late"
-        return "map invalid" if self._worker.invalid else "map late"
+            return MissingInput.SCANS_LATE
+        return MissingInput.MAP_INVALID if self._worker.invalid else MissingInput.MAP_LATE
 
     def _mode_is_known(self, now: int) -> bool:
         return _is_recent(self._link.vehicle.last_heartbeat_ns, now, HEARD_NS)

@@ -40,7 +40,7 @@ def state(flight: FlightView) -> dict[str, Any]:
         "connected": s.connected,
         "heard": s.heard,
         "lidar_ok": s.lidar_ok,
-        "blind": s.no_map_reason,
+        "blind": s.no_map_reason.text,
         "lidar_faults": lidar_faults(flight.lidar.diagnosis),
         "failsafe": s.failsafe,
         "estimate_lost": s.estimate_lost,

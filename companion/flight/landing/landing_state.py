@@ -207,7 +207,7 @@ class LandingState:
     def why_not(self, s: Situation) -> str | None:
         """Return the reason against going on with the descent, or None."""
         if not s.lidar_ok:
-            return s.no_map_reason
+            return s.no_map_reason.text
         judged = self.aim.judgement(s.selected)
         if judged is not PointState.SAFE:
             return f"point {judged.value}" + self.cause_suffix(s)

@@ -35,6 +35,25 @@ class Phase(Enum):
 COMMANDING = frozenset({Phase.SURVEY, Phase.APPROACH, Phase.DESCEND, Phase.FINAL, Phase.CLIMB, Phase.HOLD})
 
 
+class MissingInput(Enum):
+    """Inputs without which nothing is judged: what is missing, and how."""
+
+    LINK_LOST = "link", "lost"
+    LIDAR_LOST = "LiDAR", "lost"
+    SCANS_LATE = "scans", "late"
+    MAP_LATE = "map", "late"
+    MAP_INVALID = "map", "invalid"
+    POSITION_LOST = "position", "lost"
+
+    def __init__(self, thing: str, state: str) -> None:
+        self.thing, self.state = thing, state
+
+    @property
+    def text(self) -> str:
+        """Text for the pilot."""
+        return f"{self.thing} {self.state}"
+
+
 class Severity(Enum):
     """MAVLink STATUSTEXT severities in use."""
 
@@ -86,7 +105,7 @@ class Situation:
     blocked: bool = False
     heard: bool = True
     epoch: int = 0
-    no_map_reason: str = "LiDAR lost"
+    no_map_reason: MissingInput = MissingInput.LIDAR_LOST
     failsafe: bool = False
     breached: bool = False
     estimate_lost: str = ""

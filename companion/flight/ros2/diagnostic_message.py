@@ -43,7 +43,7 @@ def statuses(flight: FlightView, ros: Mapping[str, Any]) -> list[Status]:
     }
     link = flight.link.statistics()
     counters = {"lost": link.lost, "bad": link.bad, "dropped": link.dropped}
-    blind = s.no_map_reason if not s.lidar_ok else ""
+    blind = s.no_map_reason.text if not s.lidar_ok else ""
     return [
         ("landing", ERROR if s.failsafe else OK, "failsafe" if s.failsafe else phase, landing),
         ("map", ERROR if worker.invalid else OK, "withdrawn" if worker.invalid else "", mapping),

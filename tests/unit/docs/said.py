@@ -19,6 +19,7 @@ SOURCES = (
     "companion/flight/outputs/announcers/wire_announcer.py",
     "companion/flight/sensors/diagnosis/explanation.py",
     "companion/flight/command_execution.py",
+    "companion/flight/landing/situation.py",
     "companion/flight/situation_source.py",
     "companion/flight/landing/operator_order.py",
     "companion/flight/recorder/recordings.py",
@@ -111,7 +112,10 @@ def _in_calls(tree: ast.AST) -> Iterator[tuple[str, str]]:
 def _in_functions(tree: ast.AST) -> Iterator[tuple[str, str]]:
     """Yield what functions return, or put together, to be said by others."""
     for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef) and node.name in ("update", "why_not", "_no_map_reason"):
+        if isinstance(node, ast.ClassDef) and node.name == "MissingInput":
+            members = (part.value for part in node.body if isinstance(part, ast.Assign))
+            yield from ((" ".join(ast.literal_eval(member)), "") for member in members)
+        if isinstance(node, ast.FunctionDef) and node.name in ("update", "why_not"):
             for part in ast.walk(node):
                 if isinstance(part, ast.Return) and part.value is not None:
                     yield from _returned(part.value)

@@ -3,7 +3,14 @@
 from __future__ import annotations
 
 from companion.flight.landing.landing_state import LandingState
-from companion.flight.landing.situation import STOPPED, Phase, Severity, Situation, VehicleCommands
+from companion.flight.landing.situation import (
+    STOPPED,
+    MissingInput,
+    Phase,
+    Severity,
+    Situation,
+    VehicleCommands,
+)
 
 
 def without_lidar(state: LandingState, s: Situation) -> VehicleCommands:
@@ -17,23 +24,22 @@ def without_pose(state: LandingState, s: Situation) -> VehicleCommands:
     if state.phase is Phase.FINAL and state.too_low_to_see:
         return VehicleCommands()
     if state.phase in (Phase.DESCEND, Phase.FINAL):
-        state.break_off("position lost", s)
-    _wait_for(state, "position lost", s)
+        state.break_off(MissingInput.POSITION_LOST.text, s)
+    _wait_for(state, MissingInput.POSITION_LOST, s)
     return VehicleCommands(mode=None if s.guided else "guided", velocity_enu_ms=STOPPED)
 
 
 def report_input_back(state: LandingState, s: Situation) -> None:
     """Report once that the input of a call is back: the vehicle hovers until the next order."""
-    if thing := state.outage.on_present(s.now_ns):
-        state.say(Severity.WARNING, f"{thing} back: hovering, order again")
+    if missing := state.outage.on_present(s.now_ns):
+        state.say(Severity.WARNING, f"{missing.thing} back: hovering, order again")
 
 
-def _wait_for(state: LandingState, what: str, s: Situation) -> None:
+def _wait_for(state: LandingState, missing: MissingInput, s: Situation) -> None:
     state.safe_since_ns = None
-    if state.outage.on_missing(what, s.now_ns):
-        state.say(Severity.WARNING, f"{what}: holding")
-    thing, _, lost = what.partition(" ")
-    if state.outage.calls_for(thing, s.now_ns):
-        state.say(Severity.CRITICAL, f"{thing} still {lost}: take over")
+    if state.outage.on_missing(missing, s.now_ns):
+        state.say(Severity.WARNING, f"{missing.text}: holding")
+    if state.outage.calls_for(missing, s.now_ns):
+        state.say(Severity.CRITICAL, f"{missing.thing} still {missing.state}: take over")
         if state.phase is not Phase.HOLD:
             state.go(Phase.HOLD, s)

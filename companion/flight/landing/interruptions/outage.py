@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from companion.flight.landing.situation import MissingInput
+
 SECOND = 1_000_000_000
 CALL_NS = 10 * SECOND  # outage before the pilot is called
 BACK_NS = SECOND  # time without a gap that ends an outage
@@ -18,33 +20,33 @@ class Outage:
     def __init__(self) -> None:
         self._since_ns: int | None = None
         self._present_ns: int | None = None
-        self._reported: set[str] = set()
-        self._called_for = ""
+        self._reported: set[MissingInput] = set()
+        self._called_for: MissingInput | None = None
 
-    def on_missing(self, what: str, now_ns: int) -> bool:
+    def on_missing(self, missing: MissingInput, now_ns: int) -> bool:
         """Record a missing input; return whether the pilot has not been warned of it yet."""
         self._present_ns = None
-        if what in self._reported or self._called_for:
+        if missing in self._reported or self._called_for:
             return False
-        self._reported.add(what)
+        self._reported.add(missing)
         self._since_ns = now_ns
         return True
 
-    def calls_for(self, thing: str, now_ns: int) -> bool:
+    def calls_for(self, missing: MissingInput, now_ns: int) -> bool:
         """Return whether to call the pilot now: once in a long outage."""
         if self._called_for or self._since_ns is None or now_ns - self._since_ns <= CALL_NS:
             return False
-        self._called_for = thing
+        self._called_for = missing
         return True
 
-    def on_present(self, now_ns: int) -> str:
-        """Record that nothing is missing; return the input of a call that is back now, else ""."""
+    def on_present(self, now_ns: int) -> MissingInput | None:
+        """Record that nothing is missing; return the input of a call that is back now, else None."""
         if self._since_ns is None:
-            return ""
+            return None
         if self._present_ns is None:
             self._present_ns = now_ns
         if now_ns - self._present_ns < BACK_NS:
-            return ""
+            return None
         called_for = self._called_for
         self.reset()
         return called_for
@@ -53,4 +55,4 @@ class Outage:
         """End the outage: a new order starts from zero."""
         self._since_ns = self._present_ns = None
         self._reported.clear()
-        self._called_for = ""
+        self._called_for = None

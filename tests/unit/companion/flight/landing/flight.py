@@ -11,7 +11,7 @@ import numpy as np
 import params
 from companion.flight.geometry.wind import Wind
 from companion.flight.landing.executive import Executive
-from companion.flight.landing.situation import Phase, Severity, Situation, VehicleCommands
+from companion.flight.landing.situation import MissingInput, Phase, Severity, Situation, VehicleCommands
 from slz import (
     Box,
     Choice,
@@ -107,7 +107,7 @@ class Flight:
         self.gps_drift_m = 0.0
         self.sticks_us: tuple[int, int] | None = None
         self.no_command_reason = ""
-        self.lost = "LiDAR lost"
+        self.lost = MissingInput.LIDAR_LOST
         self.far_zones: list[Zone] = []
         self.prior_zones: list[Zone] = []
         self.heading_deg: float | None = 0.0

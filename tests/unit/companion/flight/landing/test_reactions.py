@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from companion.flight.landing.situation import Phase, VehicleCommands
+from companion.flight.landing.situation import MissingInput, Phase, VehicleCommands
 from slz import PointState
 from tests.unit.companion.flight.landing.flight import Flight, replace, zone
 
@@ -83,28 +83,29 @@ def test_a_position_lost_below_commit_height_lets_the_autopilot_land() -> None:
     assert flight.executive.tally.aborts == 0
 
 
-@pytest.mark.parametrize("lost", ["LiDAR lost", "position lost"])
-def test_what_the_pilot_was_called_for_is_told_when_it_is_back_and_nothing_begins(lost: str) -> None:
+@pytest.mark.parametrize("lost", [MissingInput.LIDAR_LOST, MissingInput.POSITION_LOST])
+def test_what_the_pilot_was_called_for_is_told_when_it_is_back_and_nothing_begins(lost: MissingInput) -> None:
     flight = Flight([zone(1, 10, 0)]).fly_to(Phase.APPROACH)
     flight.lost = lost
-    flight.lidar_ok, flight.blind = False, lost == "position lost"
+    flight.lidar_ok, flight.blind = False, lost is MissingInput.POSITION_LOST
     flight.fly_to(Phase.HOLD).run(40)
     flight.lidar_ok, flight.blind = True, False
     flight.run(60)
     assert flight.executive.phase is Phase.HOLD
-    thing = lost.partition(" ")[0]
-    assert flight.texts.count(f"SLZ: {thing} back: hovering, order again") == 1
+    assert flight.texts.count(f"SLZ: {lost.thing} back: hovering, order again") == 1
 
 
 @pytest.mark.parametrize(
     "gaps",
     [
-        [("scans late", 3.0, 0.0), ("map late", 3.0, 0.0)] * 3,
-        [("LiDAR lost", 6.0, 0.2)] * 3,
+        [(MissingInput.SCANS_LATE, 3.0, 0.0), (MissingInput.MAP_LATE, 3.0, 0.0)] * 3,
+        [(MissingInput.LIDAR_LOST, 6.0, 0.2)] * 3,
     ],
     ids=["what is missing changes", "it comes back for an instant"],
 )
-def test_an_outage_lasts_until_everything_is_back_for_a_second(gaps: list[tuple[str, float, float]]) -> None:
+def test_an_outage_lasts_until_everything_is_back_for_a_second(
+    gaps: list[tuple[MissingInput, float, float]],
+) -> None:
     flight = Flight([zone(1, 10, 0)]).fly_to(Phase.APPROACH)
     for what, seconds, back_s in gaps:
         flight.lidar_ok, flight.lost = False, what
@@ -119,8 +120,8 @@ def test_an_outage_lasts_until_everything_is_back_for_a_second(gaps: list[tuple[
 def test_a_map_late_after_a_lost_link_has_its_own_time_to_come() -> None:
     flight = Flight([zone(1, 10, 0)]).fly_to(Phase.APPROACH)
     flight.lidar_ok = False
-    for what, seconds in (("link lost", 8.0), ("map late", 6.0), ("link lost", 1.0), ("map late", 2.0)):
-        flight.lost = what
+    link, late = MissingInput.LINK_LOST, MissingInput.MAP_LATE
+    for flight.lost, seconds in ((link, 8.0), (late, 6.0), (link, 1.0), (late, 2.0)):
         flight.run(seconds)
     assert not any("take over" in text for text in flight.texts)
     flight.run(2)
@@ -131,14 +132,14 @@ def _call(flight: Flight) -> str:
     return next(text for text in flight.texts if "take over" in text)
 
 
-@pytest.mark.parametrize("lost", ["LiDAR lost", "position lost"])
-def test_what_is_lost_while_it_hovers_is_told_too(lost: str) -> None:
+@pytest.mark.parametrize("lost", [MissingInput.LIDAR_LOST, MissingInput.POSITION_LOST])
+def test_what_is_lost_while_it_hovers_is_told_too(lost: MissingInput) -> None:
     flight = Flight([zone(1, 10, 0)]).fly_to(Phase.APPROACH)
     flight.executive.abort(flight.situation())
     flight.run(5)
-    flight.lost, flight.lidar_ok, flight.blind = lost, False, lost == "position lost"
+    flight.lost, flight.lidar_ok, flight.blind = lost, False, lost is MissingInput.POSITION_LOST
     flight.run(11)
-    assert flight.texts[-2:] == [f"SLZ: {lost}: holding", f"SLZ: {lost.split()[0]} still lost: take over"]
+    assert flight.texts[-2:] == [f"SLZ: {lost.text}: holding", f"SLZ: {lost.thing} still lost: take over"]
     assert flight.executive.phase is Phase.HOLD
 
 

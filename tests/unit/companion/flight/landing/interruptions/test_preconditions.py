@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from companion.flight.landing.interruptions.preconditions import TABLE, Precondition, Reaction, Stage
-from companion.flight.landing.situation import Phase, Severity, VehicleCommands
+from companion.flight.landing.situation import MissingInput, Phase, Severity, VehicleCommands
 from slz import PointState
 from tests import REPOSITORY
 from tests.unit.companion.flight.landing.flight import Flight, zone
@@ -476,14 +476,13 @@ def test_lifted_off_again_it_has_no_target() -> None:
     assert flight.commands[-1][3].target_enu_m is None
 
 
-@pytest.mark.parametrize("blind", ["link lost", "LiDAR lost", "map late"])
-def test_what_is_lost_is_called_by_its_name(blind: str) -> None:
+@pytest.mark.parametrize("blind", list(MissingInput))
+def test_what_is_lost_is_called_by_its_name(blind: MissingInput) -> None:
     flight = flown_to(Phase.APPROACH)
     flight.lidar_ok, flight.lost = False, blind
     flight.run(12)
-    thing, state = blind.split(" ")
-    assert f"SLZ: {blind}: holding" in flight.texts
-    assert f"SLZ: {thing} still {state}: take over" in flight.texts
+    assert f"SLZ: {blind.text}: holding" in flight.texts
+    assert f"SLZ: {blind.thing} still {blind.state}: take over" in flight.texts
 
 
 # ---- a vehicle that must not be commanded ----------------------------------------------------------
