@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from companion.flight.fusion.motion import POSITION_WIDTH, STRETCH, interpolate
 from companion.flight.fusion.odometry.correction import Correction
+from companion.flight.geometry.axes import quaternion_wxyz
 from companion.flight.geometry.pose import Pose, turned
 from companion.runtime.sample_buffer import SampleBuffer
 from params import Parameters
@@ -237,6 +238,20 @@ class PoseHistory:
         """Return the autopilot's velocity (3,) at a time between its samples, that of an end beyond them."""
         at, axes = self._positions.stamp_ns, self._positions.values[:, 3:6].T
         return np.array([np.interp(stamp_ns, at, axis) for axis in axes])
+
+    def at(self, stamp_ns: int) -> Pose | None:
+        """Return the pose on the map at a time between samples; None beyond them, in gaps and at jumps."""
+        poses = self.interpolate(np.array([stamp_ns]))
+        if not poses.valid[0]:
+            return None
+        pose = Pose(
+            stamp_ns=stamp_ns,
+            position_enu_m=poses.position_enu_m[0],
+            velocity_enu_ms=self.velocity_enu_ms(stamp_ns),
+            quat_wxyz=quaternion_wxyz(poses.rotation_enu_from_frd[0]),
+            epoch=self.epoch,
+        )
+        return self.correction.pose(pose)
 
     def latest(self, now_ns: int) -> Pose | None:
         """Return the newest pose on the map, extrapolated to now by at most 0.1 s; None if it is stale.

@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.spatial.transform import Rotation
 
 Floats = NDArray[np.float64]
 _ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
@@ -68,3 +69,8 @@ def rotation_enu_from_frd(quat_wxyz: Sequence[float] | Floats) -> Floats:
         ]
     )
     return np.asarray(_ENU_FROM_NED @ ned_from_frd)
+
+
+def quaternion_wxyz(rotation_enu_from_frd: Floats) -> Floats:
+    """Return the unit quaternion (4,) of body forward-right-down into north-east-down."""
+    return np.asarray(Rotation.from_matrix(_ENU_FROM_NED @ rotation_enu_from_frd).as_quat())[[3, 0, 1, 2]]

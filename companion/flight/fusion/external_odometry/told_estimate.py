@@ -9,12 +9,12 @@ from scipy.spatial.transform import Rotation
 from companion.flight.fusion.external_odometry.pose_pair import PosePair
 from companion.flight.fusion.external_odometry.shift_filter import RATE, SHIFT, YAW, ShiftFilter
 from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
+from companion.flight.geometry.axes import quaternion_wxyz
 
 Floats = NDArray[np.float64]
 
 VELOCITY_MS = 0.05  # standard deviation of a velocity beside its drift
 WAY_SHARE = 0.005  # drift of an odometry that states no covariance, of its way
-_NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 
 
 def told_estimate(
@@ -49,7 +49,7 @@ def told_estimate(
         stamp_ns=pair.at_ns,
         position_enu_m=pair.auto_m + state[SHIFT],
         velocity_enu_ms=velocity_enu_ms,
-        quat_wxyz=Rotation.from_matrix(_NED_FROM_ENU @ body).as_quat()[[3, 0, 1, 2]],
+        quat_wxyz=quaternion_wxyz(body),
         pose_covariance=covariance,
         velocity_covariance=errors[RATE, RATE] + np.eye(3) * VELOCITY_MS**2,
         observed=np.ones(6, np.bool_),

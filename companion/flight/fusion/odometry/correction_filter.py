@@ -40,7 +40,8 @@ class CorrectionFilter:
         (9, 9): rotation vector about east, north, up (rad2), shift east, north, up (m2), and the rate of the
         shift (m2/s2).
     observed
-        (6,) bool, whether the last scans told each axis surely.
+        (6,) bool, whether the last scans told each axis surely; of the horizontal ones, this scan alone, too:
+        what a scan does not tell is the autopilot's own.
     """
 
     def __init__(self) -> None:
@@ -108,14 +109,15 @@ class CorrectionFilter:
         unknown too: it would follow a few points on a bush.
         """
         usual = self._usual + (left - self._usual) / SCANS
-        yaw = usual[YAW, YAW] + 1 / self.covariance[YAW, YAW]
-        flat = usual[3:5, 3:5] - np.outer(usual[3:5, YAW], usual[3:5, YAW]) / yaw
-        values, axes = np.linalg.eigh(flat)
+        values, axes = np.linalg.eigh(self._flat(usual))
         many = self._usual_steep + (min(steep, MOST_STEEP) - self._usual_steep) / SCANS >= FEWEST_STEEP
         was_known = 1 - np.einsum("ik,ij,jk->k", axes, self._was_unknown, axes) > 0.5
         least_m = np.where(was_known, STILL_OBSERVED_M, OBSERVED_M)
-        weak = axes[:, values < 1 / least_m**2] if many else axes
+        known = (values >= 1 / least_m**2) & many
+        weak = axes[:, ~known]
         self._unknown = weak @ weak.T
+        alone = np.einsum("ik,ij,jk->k", axes, self._flat(left), axes) >= 1 / STILL_OBSERVED_M**2
+        unseen = axes[:, ~(known & alone)]
         keep = np.eye(6)
         keep[PLACE, PLACE] -= self._unknown
         turns = weak.shape[1] < 2 and usual[YAW, YAW] >= 1 / SURE_RAD**2
@@ -126,8 +128,13 @@ class CorrectionFilter:
                 usual[0, 0] >= 1 / SURE_RAD**2,
                 usual[1, 1] >= 1 / SURE_RAD**2,
                 turns,
-                *(np.diag(self._unknown) < 0.1),
+                *(np.diag(unseen @ unseen.T) < 0.1),
                 usual[UP, UP] >= 1 / SURE_UP_M**2,
             ]
         )
         return keep @ left @ keep, keep @ right
+
+    def _flat(self, left: Floats) -> Floats:
+        """Return the horizontal information (2, 2) of normal equations while the heading is unknown, too."""
+        yaw = left[YAW, YAW] + 1 / self.covariance[YAW, YAW]
+        return np.asarray(left[3:5, 3:5] - np.outer(left[3:5, YAW], left[3:5, YAW]) / yaw)

@@ -33,7 +33,8 @@ LEAST_SHARE = 0.4  # of the points at a plane of the map, that lie in it
 MOST_RATE_MS = 2.0  # of a drift
 MOST_STEP_M, MOST_TURN_RAD = 0.15, np.radians(2.0)  # of one update, beside a drift
 MOST_TILT_RAD = np.radians(4.0)
-LOST_NS = 1_000_000_000  # without an axis, until it no longer counts as observed
+LOST_NS = 1_000_000_000  # without an axis, until the map no longer holds it
+HEIGHT_AND_TILT = [0, 1, 5]  # of rotation vector and shift
 UNSURE_M, UNSURE_RAD = 0.5, np.radians(2.0)  # of an axis that is not observed, beside the filter's covariance
 VELOCITY_MS = 0.03  # standard deviation of a velocity beside its drift
 FRESH_NS = 500_000_000
@@ -109,9 +110,10 @@ class LidarOdometry:
     def is_tracking(self, now_ns: int) -> bool:
         """Tell whether scans and map tell height and tilt now, and told the place within three seconds."""
         estimate = self.estimate
-        if estimate is None or now_ns - estimate.stamp_ns >= FRESH_NS or not estimate.observed[2:5].all():
+        if estimate is None or now_ns - estimate.stamp_ns >= FRESH_NS:
             return False
-        return now_ns - int(self._seen_ns[3:5].min()) < BRIDGE_NS
+        lost = estimate.stamp_ns - self._seen_ns[HEIGHT_AND_TILT] >= LOST_NS
+        return not lost.any() and now_ns - int(self._seen_ns[3:5].min()) < BRIDGE_NS
 
     @property
     def gps_drift_m(self) -> float:
@@ -157,7 +159,7 @@ class LidarOdometry:
         if not fits:
             self.refused += 1
             self._refused_in_row += 1
-            self._set(predicted, sensor_enu_m, at_ns)
+            self._set(predicted, sensor_enu_m, at_ns, np.zeros(6, np.bool_))
             if self._refused_in_row >= STUCK:
                 self._restart()
             return
@@ -166,7 +168,7 @@ class LidarOdometry:
         self._seen_ns[self._filter.observed] = at_ns
         self._map_variance_m2 = self._unsure.variance_m2(at_ns - age_ns)
         self._unsure.add(at_ns, self._map_variance_m2 + np.diag(self._filter.covariance)[3:6] + SHARED_M**2)
-        self._set(state, sensor_enu_m, at_ns)
+        self._set(state, sensor_enu_m, at_ns, self._filter.observed)
         self._map.add(placed, known, at_ns, sensor_enu_m + state[3:6])
         self._steps.add(placed, at_ns)
 
@@ -231,15 +233,17 @@ class LidarOdometry:
             state[6:] = self._filter.known_rates(state[6:])  # the rest goes on as the autopilot has it
         return state, bool(fits), known, placed, age_ns
 
-    def _set(self, state: Floats, pivot_enu_m: Floats, at_ns: int) -> None:
-        """Hand the correction to the history, and form the estimate."""
-        observed = at_ns - self._seen_ns < LOST_NS
-        self._drift.add(at_ns, state[3:5], bool(observed[3:5].all()))
+    def _set(self, state: Floats, pivot_enu_m: Floats, at_ns: int, observed: NDArray[np.bool_]) -> None:
+        """Hand the correction to the history, and form the estimate with the axes that this scan observes.
+
+        An axis that it does not observe is the autopilot's own: stated as observed, it would confirm itself.
+        """
+        held = at_ns - self._seen_ns < LOST_NS
+        self._drift.add(at_ns, state[3:5], bool(held[3:5].all()))
         self._history.correction = Correction(state[:3], pivot_enu_m, state[3:6], state[6:])
-        self._history.tracked_until_ns = at_ns + LOST_NS if observed.all() else None
-        poses = self._history.interpolate(np.array([at_ns]))
-        pose = self._history.latest(at_ns)
-        if pose is None or not poses.valid[0]:
+        self._history.tracked_until_ns = at_ns + LOST_NS if held.all() else None
+        pose = self._history.at(at_ns)
+        if pose is None:
             self.estimate = None
             return
         order = [3, 4, 5, 0, 1, 2]

@@ -7,6 +7,7 @@ import pytest
 
 from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
 from tests.unit.companion.flight.fusion.odometry.worlds import (
+    SCAN_NS,
     Floats,
     Odometer,
     beside_wall,
@@ -64,11 +65,37 @@ def test_beside_a_wall_only_the_distance_to_it_is_corrected() -> None:
 def test_a_place_that_is_lost_counts_as_tracked_for_three_seconds_more() -> None:
     odometer = Odometer(courtyard).run(12)
     odometer.world = plain
-    odometer.run(4)
+    odometer.run(2.5)
     assert not odometer.odometry.tells_place(odometer.now_ns)
     assert odometer.odometry.is_tracking(odometer.now_ns)
-    odometer.run(3)
+    odometer.run(1)
     assert not odometer.odometry.is_tracking(odometer.now_ns)
+
+
+def test_an_estimate_is_of_its_own_time_however_late_its_scans_are_used() -> None:
+    odometer, scans = Odometer(courtyard, sway_m=5.0).run(12), []
+    for _ in range(2):
+        odometer.fly(SCAN_NS)
+        scans.append(odometer.scan())
+    at_s = odometer.now_ns * 1e-9
+    odometer.fly(4 * SCAN_NS)
+    for scan in scans:
+        odometer.odometry.add(scan)
+    estimate = estimate_of(odometer)
+    assert estimate.stamp_ns == round(at_s * 1e9)
+    np.testing.assert_allclose(estimate.position_enu_m, odometer.true_enu_m(at_s), atol=0.05)
+    np.testing.assert_allclose(estimate.velocity_enu_ms, odometer.velocity_enu_ms(at_s), atol=0.03)
+
+
+def test_an_axis_counts_as_observed_by_the_scan_that_shows_it_alone() -> None:
+    odometer = Odometer(courtyard).run(12)
+    assert estimate_of(odometer).observed.all()
+    odometer.world = beside_wall
+    odometer.run(0.3)
+    assert estimate_of(odometer).observed[:2].tolist() == [False, True]
+    odometer.world = courtyard
+    odometer.run(0.3)
+    assert estimate_of(odometer).observed[:2].all()
 
 
 def test_over_roofs_their_edges_alone_tell_the_place() -> None:

@@ -82,7 +82,7 @@ class Odometer:
     """A vehicle that hovers, swaying a little, over a world.
 
     error_enu_m: of the autopilot's position by time. yaw_error_rad: of its heading, clockwise.
-    crowd: share of the returns that come from people who walk about.
+    crowd: share of the returns that come from people who walk about. sway_m: amplitude of the hover.
     """
 
     world: Callable[[np.random.Generator], Floats]
@@ -90,6 +90,7 @@ class Odometer:
     yaw_error_rad: Callable[[float], float] = field(default=lambda _t: 0.0)
     crowd: float = 0.0
     seed: int = 1
+    sway_m: float = 0.5
 
     def __post_init__(self) -> None:
         self.rng = np.random.default_rng(self.seed)
@@ -100,11 +101,14 @@ class Odometer:
         self.offsets: list[Floats] = []  # of the pose on the map from the true one, by scan
 
     def true_enu_m(self, t: float) -> Floats:
-        return np.array([0.5 * np.sin(0.3 * t), 0.5 * np.cos(0.4 * t), HEIGHT_M])
+        return np.array([self.sway_m * np.sin(0.3 * t), self.sway_m * np.cos(0.4 * t), HEIGHT_M])
+
+    def velocity_enu_ms(self, t: float) -> Floats:
+        return self.sway_m * np.array([0.3 * np.cos(0.3 * t), -0.4 * np.sin(0.4 * t), 0.0])
 
     def run(self, seconds: float) -> Odometer:
         for _ in range(round(seconds * 1e9 / SCAN_NS)):
-            self._fly(SCAN_NS)
+            self.fly(SCAN_NS)
             self.odometry.add(self.scan())
             pose = self.history.latest(self.now_ns)
             assert pose is not None
@@ -130,12 +134,13 @@ class Odometer:
         angle = self.yaw_error_rad(self.now_ns * 1e-9)
         return np.asarray(points @ Rotation.from_rotvec([0, 0, -angle]).as_matrix().T)
 
-    def _fly(self, span_ns: int) -> None:
+    def fly(self, span_ns: int) -> None:
+        """Move on; the autopilot's poses arrive, and no scan."""
         for _ in range(span_ns // STEP_NS):
             self.now_ns += STEP_NS
             t = self.now_ns * 1e-9
             lat, lon, alt = HOME.lla(self.true_enu_m(t) + self.error_enu_m(t))
-            east, north = 0.15 * np.cos(0.3 * t), -0.2 * np.sin(0.4 * t)
+            east, north, _ = self.velocity_enu_ms(t)
             half = self.yaw_error_rad(t) / 2
             self.history.add_attitude(self.now_ns, (np.cos(half), 0.0, 0.0, np.sin(half)), (0.0, 0.0, 0.0))
             self.gyro.add_attitude(self.now_ns, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
