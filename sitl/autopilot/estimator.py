@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sitl.autopilot.aiding.inertial_filter import GRAVITY_MS2
 from sitl.autopilot.position_aiding import PositionAiding
 from sitl.compilation import kernel_for_any_types
 from sitl.vehicle.rigid_body import State, from_euler, multiply, ned, rotate
@@ -150,6 +151,12 @@ class Estimator:
         aiding.update(dt_s)
         turn = np.array([1.0, off[6] / 2, off[7] / 2, off[8] / 2])
         turn /= np.sqrt(float(turn @ turn))
+        fall = aiding.acceleration_error_enu_ms2
+        if (
+            fall[0] or fall[1]
+        ):  # leaning over to its east, the estimate takes a part of the thrust for one eastwards
+            half = fall / (2 * GRAVITY_MS2)
+            turn = multiply(np.array([1.0, half[0], -half[1], 0.0]), turn)
         if aiding.heading_error_rad:
             turn = multiply(from_euler(0.0, 0.0, aiding.heading_error_rad), turn)
         position = state.pos_enu_m + off[0:3] + self.jump_enu_m + aiding.offset_enu_m

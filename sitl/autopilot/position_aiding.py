@@ -3,6 +3,8 @@
 Rules and times are those of ArduPilot's EKF3 (AP_NavEKF3_Control.cpp, _PosVelFusion.cpp) and of an ArduCopter
 4.7 SITL without GPS. A position within five standard deviations of the estimate is followed; another is
 rejected, until the filter resets itself to it. A new source is taken by a reset at its first position.
+Without GPS, position, velocity and tilt are those of a Kalman filter (`InertialFilter`): velocities and
+positions from outside are fused at the gains and within the gates that its covariance gives.
 """
 
 from __future__ import annotations
@@ -18,6 +20,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl.autopilot.aiding.external_navigation import DEFAULTS as EXTERNAL_DEFAULTS
 from sitl.autopilot.aiding.external_navigation import ExternalNavigation, ExternalPose
 from sitl.autopilot.aiding.gnss_receiver import GnssReceiver
+from sitl.autopilot.aiding.inertial_filter import (
+    POSITION,
+    TILT,
+    VELOCITY,
+    InertialFilter,
+)
 from sitl.autopilot.aiding.source_sets import DEFAULTS as SOURCE_DEFAULTS
 from sitl.autopilot.aiding.source_sets import Source, SourceSets
 from sitl.vehicle.rigid_body import State, to_euler
@@ -29,17 +37,17 @@ TIMEOUT_S, STOPPED_S = 7.3, 15.2
 RETRY_S = 10.0
 """Time of rejected positions, with accepted velocities, after which the filter resets itself to them."""
 DRIFT_S, DRIFT_MS2 = 10.0, 0.034
-"""Dead reckoning integrates an acceleration error: 1.7 m after ten seconds, and no further."""
+"""Dead reckoning integrates the acceleration error of a tilt, 0.2 degrees: 1.7 m after ten seconds, and no
+further. It is one standard deviation of `InertialFilter` after a minute of GPS."""
 PULL_IN_S, CONVERGED_M = 1.0, 1e-3
 REALIGN_S = 2.0
 TEST_RATIO = 0.02
 GATE_SIGMA = 5.0
 GPS_ERROR_M, OWN_ERROR_M, OWN_YAW_ERROR_RAD = 0.5, 0.2, 0.03
 """Standard deviations of GPS (EK3_POSNE_M_NSE) and of the settled estimate, per axis."""
-ACCELERATION_PSD = 0.35**2 * 0.012
-"""Of EK3_ACC_P_NSE at the filter's step of 12 ms, m2/s3: with the noise of poses it gives the bandwidth."""
-VELOCITY_SHARE = 0.1
-"""Share of an external velocity's difference that each pose corrects."""
+FILTER_STEP_S = 0.012
+POSITION_GATE, VELOCITY_GATE = 5.0, 5.0
+"""Standard deviations: EK3_POS_I_GATE, EK3_VEL_I_GATE."""
 SILENT_NS = 300_000_000
 """Time without a pose after which the filter's velocity begins to drift."""
 REMEMBERED = 128
@@ -102,9 +110,14 @@ class PositionAiding:
         Whether the filter reports a valid absolute horizontal position.
     offset_enu_m, velocity_error_enu_ms
         (3,) added to the estimate.
+    acceleration_error_enu_ms2
+        (3,) by which the filter's prediction errs, because its tilt is wrong.
     heading_error_rad
         Clockwise, added to the estimate.
     """
+
+    filter_step_s = FILTER_STEP_S
+    position_gate, velocity_gate = POSITION_GATE, VELOCITY_GATE
 
     def __init__(self, parameters: dict[str, float] | None = None) -> None:
         known = SOURCE_DEFAULTS | EXTERNAL_DEFAULTS if parameters is None else parameters
@@ -116,6 +129,8 @@ class PositionAiding:
         self.absolute = True
         self.offset_enu_m: F64 = np.zeros(3)
         self.velocity_error_enu_ms: F64 = np.zeros(3)
+        self.acceleration_error_enu_ms2: F64 = np.zeros(3)
+        self._filter = InertialFilter(self.filter_step_s)
         self._direction: F64 = np.array([0.0, 1.0, 0.0])
         self._source = self.sources.position
         self._switched = False
@@ -138,9 +153,15 @@ class PositionAiding:
     def lose_gps(self, bearing_rad: float) -> None:
         """Remove the fix; the estimate drifts towards a bearing, clockwise from north."""
         self.gnss.has_fix = self._steady = False
+        self._direction = np.array([math.sin(bearing_rad), math.cos(bearing_rad), 0.0])
         if self._source is Source.GPS:
             self._since_s = 0.0
-        self._direction = np.array([math.sin(bearing_rad), math.cos(bearing_rad), 0.0])
+            self._begin_alone()
+
+    def _begin_alone(self) -> None:
+        """Begin without GPS, with the tilt of a settled filter: an unlucky one, of one standard deviation."""
+        self._filter.settle()
+        self.acceleration_error_enu_ms2 = DRIFT_MS2 * self._direction
 
     def regain_gps(self) -> None:
         """Restore the fix: the estimate converges, or is reset if the filter had abandoned its position."""
@@ -148,6 +169,7 @@ class PositionAiding:
         if self._source is Source.GPS:
             self._since_s = 0.0
             self.velocity_error_enu_ms = np.zeros(3)
+            self.acceleration_error_enu_ms2 = np.zeros(3)
 
     def restart(self) -> None:
         """Apply a restart of the autopilot to sources and external navigation."""
@@ -192,14 +214,20 @@ class PositionAiding:
         """Change the source; its first position will reset the estimate."""
         if self._source is Source.GPS and self.gnss.has_fix:
             self._since_s = 0.0
+            self._begin_alone()
         self._source, self._switched = source, True
         self._steady, self._rejected_s, self._ratio = False, 0.0, 0.0
 
     def _unaided(self, dt_s: float) -> None:
         self.absolute = self.absolute and self._since_s < TIMEOUT_S
-        drifting = self._since_s < DRIFT_S
-        speed_ms = DRIFT_MS2 * self._since_s if drifting else 0.0
-        self.velocity_error_enu_ms = speed_ms * self._direction
+        self._predict(dt_s)
+
+    def _predict(self, dt_s: float) -> None:
+        """Dead-reckon; a filter that measures nothing for long holds its position."""
+        if self._since_s >= DRIFT_S:
+            self.velocity_error_enu_ms = self.acceleration_error_enu_ms2 = np.zeros(3)
+        self._filter.predict(dt_s)
+        self.velocity_error_enu_ms = self.velocity_error_enu_ms + self.acceleration_error_enu_ms2 * dt_s
         self.offset_enu_m = self.offset_enu_m + self.velocity_error_enu_ms * dt_s
 
     # ---- GPS ----------------------------------------------------------------------------------------
@@ -218,6 +246,7 @@ class PositionAiding:
         """Reset the estimate to GPS."""
         self._reset_by(offset_enu_m - self.offset_enu_m)
         self.velocity_error_enu_ms = self.gnss.velocity_error_enu_ms.copy()
+        self.acceleration_error_enu_ms2 = np.zeros(3)
         self._steady = not self.gnss.is_faulty
 
     def _follow_gps(self, dt_s: float, wrong_enu_m: F64) -> None:
@@ -256,48 +285,58 @@ class PositionAiding:
         return self.absolute and self.sources.has_external_position
 
     def _remembered(self, stamp_ns: int) -> tuple[F64, F64, float]:
-        """Return the estimate (position, velocity, heading) of a time, with today's corrections."""
-        _, place, velocity, yaw = min(self._past, key=lambda past: abs(past[0] - stamp_ns))
+        """Return the estimate (position, velocity, heading) of a time, with the corrections since."""
+        at_ns, place, velocity, yaw = min(self._past, key=lambda past: abs(past[0] - stamp_ns))
+        age_s = (self._now_ns - at_ns) * 1e-9
+        faster = self.acceleration_error_enu_ms2 * age_s
         return (
-            place + self.offset_enu_m,
-            velocity + self.velocity_error_enu_ms,
+            place + self.offset_enu_m - (self.velocity_error_enu_ms - faster / 2) * age_s,
+            velocity + self.velocity_error_enu_ms - faster,
             yaw + self.heading_error_rad,
         )
 
     def _fuse(self, pose: ExternalPose) -> None:
-        apart = (pose.position_enu_m - self._remembered(pose.stamp_ns)[0]) * LEVEL
-        self._ratio = gate_share(apart, pose.error_m)
+        """Fuse velocity, then position, as the filter's covariance and gates have it."""
+        place, velocity, _ = self._remembered(pose.stamp_ns)
+        apart = (pose.position_enu_m - place) * LEVEL
+        ratio = self._filter.test_ratio(POSITION, apart, pose.error_m, self.position_gate)
+        if pose.velocity_enu_ms is not None and self.sources.velocity is Source.EXTERNAL:
+            self._velocity_ns = self._now_ns
+            self._fuse_velocity((pose.velocity_enu_ms - velocity) * LEVEL, pose)
+        self._ratio = ratio
         if self._switched or pose.is_reset or not self.absolute:
             if not self.absolute:
                 self.velocity_error_enu_ms = np.zeros(3)
+            self._filter.reset(POSITION, pose.error_m)
             self._reset_by(apart)
             self._fused_ns = self._now_ns
-        elif self._ratio < 1.0:
-            interval_s = min(0.5, (self._now_ns - self._fused_ns) * 1e-9)
-            self._correct(apart, interval_s, pose.error_m)
+        elif ratio < 1.0:
+            self._fuse_position(pose)
             self._since_s, self._fused_ns = 0.0, self._now_ns
-        if pose.velocity_enu_ms is not None and self.sources.velocity is Source.EXTERNAL:
-            self._velocity_ns = self._now_ns
-            slow = (pose.velocity_enu_ms - self._remembered(pose.stamp_ns)[1]) * LEVEL
-            self.velocity_error_enu_ms = self.velocity_error_enu_ms + VELOCITY_SHARE * slow
 
-    def _correct(self, apart_enu_m: F64, interval_s: float, error_m: float) -> None:
-        """Correct position and velocity with the steady gains of a double integrator's Kalman filter."""
-        bandwidth = (ACCELERATION_PSD / (error_m**2 * max(interval_s, 0.02))) ** 0.25
-        share = 1.0 - math.exp(-math.sqrt(2.0) * bandwidth * interval_s)
-        self.offset_enu_m = self.offset_enu_m + share * apart_enu_m
-        faster = min(1.0, bandwidth**2 * interval_s) * apart_enu_m
-        self.velocity_error_enu_ms = self.velocity_error_enu_ms + faster
+    def _fuse_velocity(self, apart_enu_ms: F64, pose: ExternalPose) -> None:
+        error_ms = pose.velocity_error_ms
+        if self._filter.test_ratio(VELOCITY, apart_enu_ms, error_ms, self.velocity_gate) < 1.0:
+            self._correct(self._filter.gain(VELOCITY, error_ms), apart_enu_ms, pose)
+
+    def _fuse_position(self, pose: ExternalPose) -> None:
+        apart = (pose.position_enu_m - self._remembered(pose.stamp_ns)[0]) * LEVEL
+        self._correct(self._filter.gain(POSITION, pose.error_m), apart, pose)
+
+    def _correct(self, gain: F64, apart_enu: F64, pose: ExternalPose) -> None:
+        """Correct the estimate of a pose's time, and carry the correction on to the present."""
+        age_s = (self._now_ns - pose.stamp_ns) * 1e-9
+        faster = gain[VELOCITY] + gain[TILT] * age_s
+        farther = gain[POSITION] + (gain[VELOCITY] + gain[TILT] * age_s / 2) * age_s
+        self.acceleration_error_enu_ms2 = self.acceleration_error_enu_ms2 + gain[TILT] * apart_enu
+        self.velocity_error_enu_ms = self.velocity_error_enu_ms + faster * apart_enu
+        self.offset_enu_m = self.offset_enu_m + farther * apart_enu
 
     def _between_poses(self, dt_s: float) -> None:
         """Dead-reckon from pose to pose, and abandon the position when none was taken for long."""
         moving = self._now_ns - self._velocity_ns < SILENT_NS
-        if not moving and self._now_ns - self._fused_ns > SILENT_NS:
-            drifting = self._since_s < DRIFT_S
-            faster = DRIFT_MS2 * dt_s * self._direction
-            self.velocity_error_enu_ms = self.velocity_error_enu_ms + faster if drifting else np.zeros(3)
         self.absolute = self.absolute and self._since_s < (RETRY_S if moving else TIMEOUT_S)
-        self.offset_enu_m = self.offset_enu_m + self.velocity_error_enu_ms * dt_s
+        self._predict(dt_s)
 
     def _fuse_heading(self, pose: ExternalPose) -> None:
         if pose.yaw_rad is not None and self.sources.heading is Source.EXTERNAL:

@@ -18,15 +18,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.aiding.ekf2_odometry import Ekf2Odometry
 from sitl.autopilot.aiding.external_navigation import ExternalPose
+from sitl.autopilot.aiding.inertial_filter import POSITION
 from sitl.autopilot.aiding.source_sets import Source
 from sitl.autopilot.position_aiding import (
-    DRIFT_MS2,
-    DRIFT_S,
     GPS_ERROR_M,
     LEVEL,
     PULL_IN_S,
-    SILENT_NS,
-    VELOCITY_SHARE,
     PositionAiding,
     gate_share,
 )
@@ -36,6 +33,9 @@ F64 = NDArray[np.float64]
 RESET_S = 7.0
 EV_TIMEOUT_NS, EV_FAILS_NS = 400_000_000, 1_000_000_000
 START_SHARE = 0.5
+FILTER_STEP_S = 0.01
+VELOCITY_GATE = 3.0
+"""EKF2_EVV_GATE; that of the position is EKF3's."""
 BIAS_SHARE = 0.1
 HORIZONTAL, SPEED, HEADING = 1, 4, 8
 VALID: int = (
@@ -59,6 +59,9 @@ class Ekf2Aiding(PositionAiding):
     fuses_gnss, fuses_vision
         Whether each is fused for the horizontal position.
     """
+
+    filter_step_s = FILTER_STEP_S
+    velocity_gate = VELOCITY_GATE
 
     def __init__(self, parameters: dict[str, float]) -> None:
         super().__init__(parameters)
@@ -89,10 +92,8 @@ class Ekf2Aiding(PositionAiding):
             self._use_gnss(dt_s)
         else:
             self._await_gnss(dt_s)
-        if not (self.fuses_gnss and self.gnss.has_fix) and self._now_ns - self._vision_ns > SILENT_NS:
-            self._dead_reckon(dt_s)
         if not self.fuses_gnss or not self.gnss.has_fix:
-            self.offset_enu_m = self.offset_enu_m + self.velocity_error_enu_ms * dt_s
+            self._predict(dt_s)
         self.absolute = self._since_s < self._parameters["EKF2_NOAID_TOUT"]
 
     def _fuses_heading(self, bits: int) -> bool:
@@ -102,11 +103,6 @@ class Ekf2Aiding(PositionAiding):
     def _time_out(self) -> None:
         if self.fuses_vision and self._now_ns - self._vision_ns > EV_FAILS_NS:
             self.fuses_vision, self._turn_rad = False, None
-
-    def _dead_reckon(self, dt_s: float) -> None:
-        faster = DRIFT_MS2 * dt_s * self._direction
-        drifting = self._since_s < DRIFT_S
-        self.velocity_error_enu_ms = self.velocity_error_enu_ms + faster if drifting else np.zeros(3)
 
     def regain_gps(self) -> None:
         self.gnss.has_fix = True
@@ -121,6 +117,7 @@ class Ekf2Aiding(PositionAiding):
             self._gnss_s = self._since_s = 0.0
             if not self._steady:
                 self.velocity_error_enu_ms = self.gnss.velocity_error_enu_ms.copy()
+                self.acceleration_error_enu_ms2 = np.zeros(3)
                 moved = self.velocity_error_enu_ms * dt_s
                 self.offset_enu_m = self.offset_enu_m + apart * min(1.0, dt_s / PULL_IN_S) + moved
             return
@@ -154,16 +151,15 @@ class Ekf2Aiding(PositionAiding):
         least = self._parameters["EKF2_EV_QMIN"]
         if least > 0 and self._odometry.quality < least:
             return
-        place, velocity, yaw = self._remembered(pose.stamp_ns)
+        _, velocity, yaw = self._remembered(pose.stamp_ns)
         if pose.yaw_rad is not None:
             self._track_heading(math.remainder(pose.yaw_rad - yaw, 2 * math.pi), pose, bits)
-        measured = self._turned(pose.position_enu_m, bits)
+        alone = not (self.fuses_gnss and self.gnss.has_fix)
+        if bits & SPEED and pose.velocity_enu_ms is not None and alone:
+            self._fuse_velocity((self._turned(pose.velocity_enu_ms, bits) - velocity) * LEVEL, pose)
         if bits & HORIZONTAL:
-            self._fuse_vision_position(measured, place, pose)
-        if bits & SPEED and pose.velocity_enu_ms is not None:
-            slow = (self._turned(pose.velocity_enu_ms, bits) - velocity) * LEVEL
-            if not (self.fuses_gnss and self.gnss.has_fix):
-                self.velocity_error_enu_ms = self.velocity_error_enu_ms + VELOCITY_SHARE * slow
+            place = self._remembered(pose.stamp_ns)[0]
+            self._fuse_vision_position(self._turned(pose.position_enu_m, bits), place, pose)
         self._vision_ns = self._now_ns if not bits & HORIZONTAL or self.fuses_vision else self._vision_ns
 
     def _fuse_vision_position(self, measured_enu_m: F64, place_enu_m: F64, pose: ExternalPose) -> None:
@@ -181,6 +177,7 @@ class Ekf2Aiding(PositionAiding):
         failing = self._now_ns - self._fused_ns > EV_FAILS_NS
         if self._bias_enu_m is not None or not self.fuses_vision or pose.is_reset or failing:
             self._bias_enu_m, self.fuses_vision = None, True
+            self._filter.reset(POSITION, pose.error_m)
             self._reset_by(apart)
             self._fused_ns = self._now_ns
             self._steady = False
@@ -188,10 +185,9 @@ class Ekf2Aiding(PositionAiding):
         self._follow(apart, pose)
 
     def _follow(self, apart_enu_m: F64, pose: ExternalPose) -> None:
-        self._ratio = gate_share(apart_enu_m, pose.error_m)
+        self._ratio = self._filter.test_ratio(POSITION, apart_enu_m, pose.error_m, self.position_gate)
         if self._ratio < 1.0:
-            interval_s = min(0.5, (self._now_ns - self._fused_ns) * 1e-9)
-            self._correct(apart_enu_m, interval_s, pose.error_m)
+            self._correct(self._filter.gain(POSITION, pose.error_m), apart_enu_m, pose)
             self._since_s, self._fused_ns = 0.0, self._now_ns
 
     def _track_heading(self, apart_rad: float, pose: ExternalPose, bits: int) -> None:

@@ -25,6 +25,7 @@ DEFAULTS: dict[str, float] = {
     "EKF2_EV_DELAY": 0,  # ms
     "EKF2_EV_QMIN": 0,
     "EKF2_EVP_NOISE": 0.1,  # m
+    "EKF2_EVV_NOISE": 0.1,  # m/s
     "EKF2_EVA_NOISE": 0.1,  # rad
     "EKF2_NOAID_TOUT": 5.0,  # s; PX4 counts microseconds
     "EKF2_REQ_GPS_H": 10.0,  # s
@@ -92,6 +93,7 @@ class Ekf2Odometry:
             position,
             ned(rotate(attitude, velocity)) if moving else None,
             to_euler(attitude)[2] if known else None,
+            max(float(message.velocity_covariance[0]), float(message.velocity_covariance[6])),
         )
 
     def on_vision_speed(self, message: Any, now_ns: int) -> None:
@@ -118,6 +120,7 @@ class Ekf2Odometry:
         position_enu_m: F64,
         velocity_enu_ms: F64 | None,
         yaw_rad: float | None,
+        velocity_variance_m2s2: float = 0.0,
     ) -> None:
         p = self._parameters
         if not self.enabled or not np.isfinite(position_enu_m).all():
@@ -134,6 +137,7 @@ class Ekf2Odometry:
                 velocity_enu_ms,
                 yaw_rad,
                 max(p["EKF2_EVP_NOISE"], math.sqrt(variance) if variance > 0 else 0.0),
+                max(p["EKF2_EVV_NOISE"], math.sqrt(max(0.0, velocity_variance_m2s2))),
                 max(p["EKF2_EVA_NOISE"], math.sqrt(angle) if angle > 0 else 0.0),
                 is_reset,
             )

@@ -51,8 +51,8 @@ class ExternalPose:
     """Pose from outside.
 
     stamp_ns: simulated time that the filter takes as its own. position_enu_m: (3,). velocity_enu_ms: (3,) or
-    None. yaw_rad: None if unknown. error_m, yaw_error_rad: standard deviations. is_reset: the sender's frame
-    has jumped.
+    None. yaw_rad: None if unknown. error_m, velocity_error_ms, yaw_error_rad: standard deviations. is_reset:
+    the sender's frame has jumped.
     """
 
     stamp_ns: int
@@ -60,6 +60,7 @@ class ExternalPose:
     velocity_enu_ms: F64 | None
     yaw_rad: float | None
     error_m: float
+    velocity_error_ms: float
     yaw_error_rad: float
     is_reset: bool
 
@@ -168,6 +169,7 @@ class ExternalNavigation:
                 velocity_enu_ms,
                 yaw_rad,
                 min(100.0, max(p["VISO_POS_M_NSE"], error_m)),
+                p["VISO_VEL_M_NSE"],
                 max(p["VISO_YAW_M_NSE"], LEAST_YAW_ERROR_RAD, min(1.5, yaw_error_rad)),
                 is_reset,
             )

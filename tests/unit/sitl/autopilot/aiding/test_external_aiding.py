@@ -168,7 +168,7 @@ def test_back_to_gps_is_a_jump_that_clients_see() -> None:
     np.testing.assert_allclose(error_m(bench), (0.0, 1.0), atol=0.1)
     use_set(bench, 1)
     assert largest_jump_m(bench, lidar, 1.0) == pytest.approx(1.0, abs=0.1)
-    np.testing.assert_allclose(error_m(bench), 0.0, atol=1e-6)
+    np.testing.assert_allclose(error_m(bench), 0.0, atol=1e-5)  # a tick old: the corrected tilt moves it
 
 
 def test_a_delay_that_the_filter_does_not_know_is_an_error_in_flight() -> None:
