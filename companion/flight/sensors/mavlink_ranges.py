@@ -25,6 +25,9 @@ from params import Parameters
 Floats = NDArray[np.float64]
 
 UNKNOWN = 65535
+INVALID = (
+    1  # DISTANCE_SENSOR.signal_quality: the measurement is worthless; 0 is unknown, 100 a perfect signal
+)
 AROUND = 8  # orientations 0 to 7 turn clockwise in steps of 45 degrees
 UP, DOWN = mavlink.MAV_SENSOR_ROTATION_PITCH_90, mavlink.MAV_SENSOR_ROTATION_PITCH_270
 NORTH_FRAMES = (mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_LOCAL_NED)
@@ -119,7 +122,8 @@ def _beam(message: Any) -> Floats | None:
     if direction is None:
         return None
     cm = message.current_distance
-    seen = message.min_distance < cm < message.max_distance
+    valid = getattr(message, "signal_quality", 0) != INVALID
+    seen = valid and message.min_distance < cm < message.max_distance
     return (cm / 100 * direction)[None] if seen else np.empty((0, 3))
 
 
@@ -135,7 +139,7 @@ def _ring(message: Any) -> Floats | None:
     """Return the points (n, 3) in the message's frame, third axis down; None for an unknown frame."""
     step_deg = message.increment_f or float(message.increment)
     known = message.frame in (mavlink.MAV_FRAME_BODY_FRD, *LEVEL_FRAMES)
-    if not known or not np.isfinite(step_deg) or step_deg == 0:
+    if not known or not np.isfinite([step_deg, message.angle_offset]).all() or step_deg == 0:
         return None
     cm = np.array(message.distances, np.float64)
     seen = (cm > message.min_distance) & (cm < message.max_distance) & (cm != UNKNOWN)

@@ -72,9 +72,26 @@ def test_a_range_at_its_limits_is_no_return(cm: int) -> None:
     assert bench.ranges.counters.no_return == 1
 
 
+@pytest.mark.parametrize(("quality", "seen"), [(0, True), (1, False), (2, True), (100, True)])
+def test_a_range_whose_signal_is_invalid_is_no_return(quality: int, seen: bool) -> None:
+    """Its sensor says so by a signal quality of 1; the range it tells with it lies within its limits."""
+    bench = Bench()
+    message = beam(800, 25)
+    message.signal_quality = quality
+    bench.ranges.on_message(message, NOW)
+    assert bool(bench.batches) is seen
+    assert bench.ranges.counters.no_return == (not seen)
+
+
 @pytest.mark.parametrize(
     "message",
-    [beam(800, 99), ring([500], frame=3), ring([500], increment=0), ring([500], increment_f=float("nan"))],
+    [
+        beam(800, 99),
+        ring([500], frame=3),
+        ring([500], increment=0),
+        ring([500], increment_f=float("nan")),
+        ring([500], angle_offset=float("nan")),
+    ],
 )
 def test_directions_that_nobody_can_know_are_counted(message: object) -> None:
     bench = Bench()
