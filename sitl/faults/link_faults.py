@@ -17,7 +17,7 @@ Arriving = list[tuple[float, bytes]]
 LOST_SHARE = 0.3
 BURST_S = 0.6
 DELAY_S = 0.5
-DUPLICATED, COPY_S = 0.3, 0.3
+DUPLICATED, COPY_S, OLD_COPY_S = 0.3, 0.3, 5.0
 SHUFFLE_S = 0.25
 CORRUPTED, MOST_BITS = 0.2, 8
 
@@ -81,11 +81,20 @@ class Delay:
 
 
 class Duplicates:
-    """Duplication of 30 % of the datagrams; the copy arrives up to 0.3 s later."""
+    """Duplication of 30 % of the datagrams; the copy arrives up to 0.3 s later, the autopilot's up to 5 s.
+
+    A router with two ways to the autopilot stores what a radio cannot send at once.
+    """
 
     def __call__(self, data: bytes, rng: np.random.Generator, now_ns: int) -> Arriving:
-        copies = [(float(rng.uniform(0.0, COPY_S)), data)] if rng.random() < DUPLICATED else []
-        return [(0.0, data), *copies]
+        if rng.random() >= DUPLICATED:
+            return [(0.0, data)]
+        return [(0.0, data), (float(rng.uniform(0.0, OLD_COPY_S if _is_autopilots(data) else COPY_S)), data)]
+
+
+def _is_autopilots(data: bytes) -> bool:
+    """Return whether a MAVLink 2 frame is of component 1."""
+    return len(data) > 6 and data[0] == 0xFD and data[6] == 1
 
 
 class Reordering:

@@ -50,6 +50,11 @@ def lost_for_time(source: Counts, returns: Counts) -> list[str]:
         said.append(
             f"times of points are {source['times']}, though the header tells {source['times_in_header']}"
         )
+    copies, late = source.get("frames_repeated", 0), source.get("messages_late", 0)
+    if copies or late:
+        said.append(
+            f"{copies} frames of the log came once more and {late} more than a second late: they are not used"
+        )
     resets = source.get("packets", {}).get("clock_resets", 0)
     return [*said, f"the LiDAR's clock jumped {resets} times"] if resets else said
 

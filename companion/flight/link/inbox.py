@@ -8,11 +8,19 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.link.clock.autopilot_clock import AutopilotClock
+from companion.flight.link.clock.message_order import STAYS_MS, UNANSWERED_MS
 from companion.flight.link.clock.timesync import answer
 from companion.flight.link.command_server import CommandServer
 from companion.flight.link.position_fix import PositionGate
 from companion.flight.link.vehicle_identity import Candidate, VehicleIdentity
-from companion.flight.link.vehicle_state import Quaternion, Vector, VehicleState, is_autopilot, reduce
+from companion.flight.link.vehicle_state import (
+    Quaternion,
+    Vector,
+    VehicleState,
+    is_autopilot,
+    note_time,
+    reduce,
+)
 from companion.flight.link.wire.codec import Codec
 from companion.runtime.event import Event
 
@@ -140,7 +148,9 @@ class Inbox:
     def _timesync(self, message: Any, now_ns: int) -> None:
         reply = answer(message.tc1, message.ts1, now_ns)
         if reply is None:
-            self.clock.timesync.reply(message.tc1, message.ts1, now_ns)
+            if self.clock.timesync.reply(message.tc1, message.ts1, now_ns):
+                new = note_time(self.followed, message.tc1 // 1_000_000 % 2**32, now_ns)
+                self._follow(self.followed, new)
         elif self._bound:
             self.outgoing.emit(mavlink.MAVLink_timesync_message(*reply))
 
@@ -154,23 +164,32 @@ class Inbox:
 
     def _reduce(self, message: Any, now_ns: int) -> None:
         old = self.followed
-        new = reduce(old, message, now_ns)
+        answered = self.clock.timesync.answered_ns is not None
+        new = reduce(old, message, now_ns, UNANSWERED_MS if answered else STAYS_MS)
+        if new is old:
+            return
+        self._follow(old, new, beats=message.get_type() == "HEARTBEAT")
+        self._pose(old, new, message, now_ns)
+
+    def _follow(self, old: VehicleState, new: VehicleState, beats: bool = False) -> None:
+        """Keep a new state, and report it."""
         if new is old:
             return
         if self._bound:
             self.vehicle = new
         else:
             self._followed = new
+        if new.order.other is not None:
+            self.clock.timesync.hurry()  # its answer tells whether the autopilot restarted
         if new.reboots != old.reboots:
             log.warning("the autopilot rebooted")
             self.gate.close()
             self.clock.reset()
             self.rebooted.emit()
         if self._bound:
-            if message.get_type() == "HEARTBEAT":
+            if beats:
                 self.heartbeat.emit()
             self.changed.emit(old, new)
-        self._pose(old, new, message, now_ns)
 
     def _pose(self, old: VehicleState, new: VehicleState, message: Any, now_ns: int) -> None:
         """Emit the pose of a message; a new tuple object means that the message had a valid one."""

@@ -19,6 +19,7 @@ from companion.flight.link.flight_modes import mode_parameters
 from companion.flight.link.inbox import Inbox
 from companion.flight.link.link_statistics import LinkStatistics, RateMeter, quantile_ms
 from companion.flight.link.message_rates import Stream, StreamKeeper, wanted
+from companion.flight.link.old_messages import OldMessageWatch
 from companion.flight.link.position_fix import PATIENCE_NS, PositionGate
 from companion.flight.link.statustext import statustext
 from companion.flight.link.transport.mavlink_url import parse_url
@@ -113,6 +114,7 @@ class Link:
         self._subscribers: defaultdict[tuple[str, bool], Event[[Any, int]]] = defaultdict(Event)
         self._text_id = 0
         self._unheard = UnheardTexts()
+        self._old_messages = OldMessageWatch()
         self._stop: asyncio.Event | None = None
         self._failure: asyncio.Future[None] | None = None
         self._ended = asyncio.Event()
@@ -190,6 +192,8 @@ class Link:
             sent=codec.sent,
             dropped=self._transport.dropped,
             foreign=self._inbox.foreign,
+            copies=codec.repeated.copies,
+            old=self._old_count,
             opened=self._transport.opened,
             rates_hz=self._rates.rates_hz(at_ns),
             missing=self._streams.missing(at_ns),
@@ -210,6 +214,10 @@ class Link:
             replayed=signing.replayed if signing else 0,
             orders_refused=codec.refused_orders,
         )
+
+    @property
+    def _old_count(self) -> int:
+        return self._codec.repeated.old_copies + self._inbox.followed.order.old
 
     # ---- subscriptions --------------------------------------------------------------------------
 
@@ -342,7 +350,7 @@ class Link:
         """Decode and process bytes from the wire; an exception here is our own fault and ends `run`."""
         try:
             at_ns = now_ns()
-            for message in self._codec.decode(data):
+            for message in self._codec.decode(data, at_ns):
                 self._on_message(message, at_ns)
         except Exception as error:
             if self._failure is not None and not self._failure.done():
@@ -374,6 +382,8 @@ class Link:
             self._inbox.confirm_vehicle(at_ns)
             if self._alone and self.identity.ambiguous:
                 raise self.identity.error()
+            if self._old_messages.is_news(self._old_count, at_ns):
+                self.statustext("SLZ: link repeats old messages: dropped", mavlink.MAV_SEVERITY_WARNING)
             heard_ns = self.vehicle.last_heartbeat_ns
             if self.connected and heard_ns is not None and at_ns - heard_ns > timeout_ns:
                 self._set_connected(False)

@@ -24,6 +24,9 @@ class LinkStatistics:
         Our messages that no open channel accepted.
     foreign
         Messages of other systems and components, ignored unless addressed to us.
+    copies, old
+        Frames delivered once more, which are not used; messages at least a second late among them and beside
+        them.
     opened
         Number of times a channel was opened.
     missing
@@ -49,6 +52,8 @@ class LinkStatistics:
     sent: int
     dropped: int
     foreign: int
+    copies: int
+    old: int
     opened: int
     rates_hz: dict[str, float]
     missing: tuple[str, ...]

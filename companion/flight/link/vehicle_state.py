@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.link import autopilot_health as health
 from companion.flight.link.autopilot_health import FAILSAFE_STATES, Health
+from companion.flight.link.clock.message_order import STAYS_MS, MessageOrder
 from companion.flight.link.flight_modes import GUIDED, PRECISION_LANDING, Autopilot, mode_name
 from companion.flight.link.position_fix import MESSAGES as FIX_MESSAGES
 from companion.flight.link.position_fix import PositionFix
@@ -20,8 +21,6 @@ Landed = Literal["unknown", "on_ground", "in_air", "takeoff", "landing"]
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
-# A boot time that goes back by less than this belongs to an overtaken frame.
-REBOOT_MS = 1000
 OVERTAKEN_NS = {"px4": 200_000_000}  # in this time an autopilot sends fewer than 128 messages
 OVERTAKEN_DEFAULT_NS = 400_000_000
 # Height above home at which an armed vehicle certainly flies, if it does not report its landed state.
@@ -44,8 +43,10 @@ class VehicleState:
         Unit quaternion that rotates body forward-right-down into north-east-down.
     position_boot_ms, local_boot_ms, boot_ms
         Autopilot's time of the position, of the local position, and of its newest message.
+    order
+        What tells a message that comes late, or once more, from a new one and from a restart.
     reboots
-        Number of times that the autopilot's clock went back.
+        Number of times that the autopilot's clock restarted.
     fix
         Reported quality of the position.
     heartbeat_seq, mode_seq
@@ -91,7 +92,7 @@ class VehicleState:
     attitude_wxyz: Quaternion | None = None
     rates_rad_s: Vector | None = None
     boot_ms: int | None = None
-    suspect_boot_ms: int | None = None
+    order: MessageOrder = MessageOrder()  # noqa: RUF009 - it is frozen
     reboots: int = 0
     health: Health = field(default_factory=Health)
 
@@ -146,18 +147,21 @@ def is_autopilot(message: Any) -> bool:
     )
 
 
-def reduce(state: VehicleState, message: Any, now_ns: int) -> VehicleState:
+def reduce(state: VehicleState, message: Any, now_ns: int, stays_ms: int = STAYS_MS) -> VehicleState:
     """Return the state updated with a message of the vehicle's autopilot.
 
-    A message from before a reboot, or overtaken by more than a second, changes nothing; nor does a heartbeat
-    or mode that a later one has overtaken.
+    A message older than the newest of its kind changes nothing, by its stamp; nor does a heartbeat or mode
+    that a later one has overtaken. `stays_ms`: see `MessageOrder.judge`.
     """
     kind = message.get_type()
     if kind in _STAMPED:
-        timed = _follow_boot_time(state, message.time_boot_ms)
-        if timed is None:
-            return replace(state, suspect_boot_ms=message.time_boot_ms)
-        state = timed
+        order, verdict = state.order.judge(kind, message.time_boot_ms, now_ns, stays_ms)
+    else:
+        order, verdict = state.order.judge_other(message)
+    if order is not state.order:
+        state = _restarted(state, order) if verdict == "restart" else _ordered(state, order)
+    if verdict == "old":
+        return state
     if kind in FIX_MESSAGES:
         state = replace(state, fix=state.fix.updated(message))
     reducer = _REDUCERS.get(kind)
@@ -166,22 +170,18 @@ def reduce(state: VehicleState, message: Any, now_ns: int) -> VehicleState:
     return state if found is state.health else replace(state, health=found)
 
 
-def boot_step_ms(old_ms: int, new_ms: int) -> int:
-    """Return the step between two 32-bit boot times, across their overflow; negative if time goes back."""
-    return (new_ms - old_ms + 2**31) % 2**32 - 2**31
+def note_time(state: VehicleState, boot_ms: int, now_ns: int) -> VehicleState:
+    """Return the state updated with the boot time in the autopilot's answer to our own TIMESYNC."""
+    order, verdict = state.order.answered(boot_ms, now_ns)
+    return _restarted(state, order) if verdict == "restart" else _ordered(state, order)
 
 
-def _follow_boot_time(state: VehicleState, boot_ms: int) -> VehicleState | None:
-    """Return the state at a boot time: updated, reset after a reboot, or None for a single old message."""
-    if state.boot_ms is None:
-        return replace(state, boot_ms=boot_ms)
-    step = boot_step_ms(state.boot_ms, boot_ms)
-    if step >= -REBOOT_MS:
-        newest = boot_ms if step > 0 else state.boot_ms
-        return replace(state, boot_ms=newest, suspect_boot_ms=None)
-    # One old message may have been delayed; two in order mean that the clock restarted.
-    if state.suspect_boot_ms is None or boot_step_ms(state.suspect_boot_ms, boot_ms) <= 0:
-        return None
+def _ordered(state: VehicleState, order: MessageOrder) -> VehicleState:
+    return state if order is state.order else replace(state, order=order, boot_ms=order.newest_ms)
+
+
+def _restarted(state: VehicleState, order: MessageOrder) -> VehicleState:
+    """Return the state after a reboot: only what heartbeats say is still true."""
     return VehicleState(
         sysid=state.sysid,
         autopilot=state.autopilot,
@@ -191,7 +191,8 @@ def _follow_boot_time(state: VehicleState, boot_ms: int) -> VehicleState | None:
         custom_mode=state.custom_mode,
         last_heartbeat_ns=state.last_heartbeat_ns,
         mode_heard_ns=state.mode_heard_ns,
-        boot_ms=boot_ms,
+        boot_ms=order.newest_ms,
+        order=order,
         reboots=state.reboots + 1,
     )
 

@@ -16,7 +16,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.fusion.odometry.correction import Correction
 from companion.flight.geometry.axes import Floats, PoseLike, body_frd_m
-from companion.flight.link.vehicle_state import VehicleState, boot_step_ms
+from companion.flight.link.clock.message_order import boot_step_ms
+from companion.flight.link.vehicle_state import VehicleState
 from slz.frame import LocalFrame
 
 # ArduPilot drops a target at distance zero silently.

@@ -9,7 +9,8 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.geometry.axes import Floats
-from companion.flight.link.vehicle_state import VehicleState, boot_step_ms
+from companion.flight.link.clock.message_order import boot_step_ms
+from companion.flight.link.vehicle_state import VehicleState
 
 # A position older than this is not where the vehicle is.
 SIGNAL_MS = 500

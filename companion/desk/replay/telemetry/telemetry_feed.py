@@ -20,6 +20,7 @@ from companion.flight.link.inbox import Inbox
 from companion.flight.link.position_fix import PositionGate
 from companion.flight.link.vehicle_identity import VehicleIdentity
 from companion.flight.link.wire.codec import Codec
+from companion.flight.link.wire.repeated_frames import RepeatedFrames
 
 
 class LoggedPoints(Protocol):
@@ -58,6 +59,8 @@ class TelemetryFeed:
         self._points = points
         self._system = system
         self._gate = PositionGate(sys.maxsize if tells_fix else 0)
+        self._repeated = RepeatedFrames()
+        self._inbox: Inbox | None = None
 
     @property
     def cut(self) -> str:
@@ -68,17 +71,29 @@ class TelemetryFeed:
         return self._log.bad + self._points.bad
 
     def summary(self) -> dict[str, Any]:
-        return {"system": self._system, "positions_without_fix": self._gate.refused} | self._points.summary()
+        old = 0 if self._inbox is None else self._inbox.followed.order.old
+        counts = {
+            "system": self._system,
+            "positions_without_fix": self._gate.refused,
+            "frames_repeated": self._repeated.copies,
+            "messages_late": old,
+        }
+        return counts | self._points.summary()
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
-        inbox = Inbox(
+        self._repeated = RepeatedFrames()
+        inbox = self._inbox = Inbox(
             Codec(rerun.parameters.component_id), CommandServer(), VehicleIdentity(self._system), self._gate
         )
         inbox.attitude.subscribe(rerun.history.add_attitude)
         inbox.position.subscribe(rerun.history.add_position)
         inbox.rebooted.subscribe(rerun.history.clear)
         hear = _LogHandler(inbox, rerun)
-        heard = ((logged.at_ns, partial(hear, logged)) for logged in self._log.messages())
+        heard = (
+            (logged.at_ns, partial(hear, logged))
+            for logged in self._log.messages()
+            if not self._repeated.is_copy(logged.message, logged.at_ns)
+        )
         return heapq.merge(heard, self._points.steps(rerun), key=itemgetter(0))
 
 

@@ -110,15 +110,18 @@ class TimeSync:
         if self._asked_ns is not None and self._next_ns is not None:
             self._next_ns = min(self._next_ns, self._asked_ns + HURRY_NS)
 
-    def reply(self, tc1: int, ts1: int, now_ns: int) -> None:
-        """Use the autopilot's answer: its time `tc1` and our stamp `ts1`, received at `now_ns`."""
+    def reply(self, tc1: int, ts1: int, now_ns: int) -> bool:
+        """Use the autopilot's answer: its time `tc1` and our stamp `ts1`, received at `now_ns`.
+
+        Return whether it answers a request of ours in time, so that it is neither a copy nor late.
+        """
         sent_ns = self._pending.pop(ts1, None)
         if sent_ns is None:
             self.strays += 1
-            return
+            return False
         round_trip = now_ns - sent_ns
         if not 0 <= round_trip <= REPLY_TIMEOUT_NS or tc1 <= 0:
-            return
+            return False
         self.answered_ns = now_ns
         middle = sent_ns + round_trip // 2
         quick = round_trip - self._trips.add(sent_ns, now_ns) <= JUMP_NS
@@ -127,6 +130,7 @@ class TimeSync:
         elif self._slow_since_ns is None:
             self._slow_since_ns = now_ns
         self._add(Exchange(middle, middle - tc1, round_trip, quick))
+        return True
 
     def reset(self) -> None:
         """Discard everything: the autopilot rebooted, or its clock is another one."""

@@ -10,6 +10,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.link.wire.framing import Framer, message_id
+from companion.flight.link.wire.repeated_frames import RepeatedFrames
 from companion.flight.link.wire.signing import Signing, Verdict
 
 log = logging.getLogger(__name__)
@@ -42,6 +43,8 @@ class Codec:
         Number of frames decoded; number of whole frames that give no message.
     sent
         Number of messages encoded.
+    repeated
+        Recogniser of frames delivered more than once, with its counts.
     refused_orders
         Commands and parameter changes among the frames that `signing` refused.
     """
@@ -59,6 +62,7 @@ class Codec:
         self._sequences: dict[tuple[int, int], int] = {}
         self._heard: Counter[int] = Counter()  # frames of each system's autopilot
         self._lost: Counter[int] = Counter()
+        self.repeated = RepeatedFrames()
         self.received = 0
         self.undecodable = 0
         self.sent = 0
@@ -99,8 +103,11 @@ class Codec:
     def unknown(self) -> int:
         return self._framer.unknown
 
-    def decode(self, data: bytes) -> Iterator[Message]:
-        """Return the messages that these bytes complete; never raises on received data."""
+    def decode(self, data: bytes, at_ns: int | None = None) -> Iterator[Message]:
+        """Return the messages that these bytes complete; never raises on received data.
+
+        `at_ns`: time of arrival; without it, a frame that comes again is returned again.
+        """
         for frame in self._framer.feed(data):
             if self.signing is not None and not self._believed(frame, self.signing):
                 continue
@@ -110,6 +117,8 @@ class Codec:
                 self.undecodable += 1
                 continue
             self.received += 1
+            if at_ns is not None and self.repeated.is_copy(message, at_ns):
+                continue
             self._follow(message)
             yield message
 

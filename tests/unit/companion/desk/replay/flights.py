@@ -6,6 +6,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -138,10 +139,17 @@ def write_own(out: Path, messages: list[Raw]) -> Path:
 # ---- telemetry log and capture --------------------------------------------------------------------------
 
 
-def write_tlog(out: Path, angles: bool = False, shift_ns: int = 0, old: bool = False) -> Path:
-    """Write what a ground station logs: heartbeats, attitudes as quaternions or angles, positions."""
+def write_tlog(
+    out: Path, angles: bool = False, shift_ns: int = 0, old: bool = False, again_ns: tuple[int, ...] = ()
+) -> Path:
+    """Write what a ground station logs: heartbeats, attitudes as quaternions or angles, positions.
+
+    again_ns: times after which each frame comes once more.
+    """
     log = bytearray()
-    for at_ns, frame in _telemetry(angles, old):
+    frames = _telemetry(angles, old)
+    frames += [(at_ns + late_ns, frame) for late_ns in again_ns for at_ns, frame in frames]
+    for at_ns, frame in sorted(frames, key=itemgetter(0)):
         log.extend(struct.pack(">Q", (BEGIN_NS + shift_ns + at_ns) // 1000) + frame)
     out.write_bytes(log)
     return out
@@ -155,6 +163,7 @@ def _telemetry(angles: bool, old: bool = False) -> list[tuple[int, bytes]]:
 
     def put(message: Any, at_ns: int, by: Any = sender) -> None:
         found.append((at_ns, bytes(message.pack(by, force_mavlink1=old))))
+        by.seq = (by.seq + 1) % 256
 
     put(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), -600_000_000, station)
     put(mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, 4, 3), -500_000_000)

@@ -398,6 +398,15 @@ def test_points_of_a_bag_have_their_own_times(
 # ---- a log and what lies beside it ----------------------------------------------------------------
 
 
+def test_a_log_of_two_links_is_read_once_though_copies_come_seconds_late(tmp_path: Path) -> None:
+    log = flights.write_tlog(tmp_path / "copies.tlog", again_ns=(200_000_000, 1_500_000_000, 5_000_000_000))
+    summary = again(log, points=str(flights.write_pcap(tmp_path / "lidar.pcap")))
+    check_zones(summary)
+    copies = summary["source"]["frames_repeated"]
+    assert copies == 3 * 291  # the station's only frame tells nothing of its numbers
+    assert any(f"{copies} frames of the log came once more" in line for line in summary["warnings"])
+
+
 def test_frames_of_the_older_mavlink_are_read_alike(tmp_path: Path) -> None:
     logs = [TelemetryLog(flights.write_tlog(tmp_path / f"{old}.tlog", old=old)) for old in (False, True)]
     new, old = ([(m.at_ns, m.message.to_dict()) for m in log.messages()] for log in logs)

@@ -87,7 +87,8 @@ def test_after_a_reboot_of_the_autopilot_poses_are_of_another_epoch() -> None:
     sensors = RecordedSensors(HEADER, Parameters(), lambda _returns: None)
     sensors.on_message(heard(HEARTBEAT, SECOND))
     epochs = []
-    for boot_ms, at_ms in ((60_000, 1000), (60_020, 1020), (100, 3000), (120, 3020), (140, 3040)):
+    rebooted = [(100 + 50 * k, 3000 + 50 * k) for k in range(105)]
+    for boot_ms, at_ms in ((60_000, 1000), (60_020, 1020), *rebooted):
         at_ns = at_ms * 1_000_000
         place = mavlink.MAVLink_global_position_int_message(
             boot_ms, 470_000_000, 80_000_000, 4000, 0, 0, 0, 0, 0

@@ -81,9 +81,10 @@ def test_once_there_was_a_fix_the_estimate_is_followed_without() -> None:
 
 
 def test_after_a_reboot_a_fix_is_needed_again() -> None:
-    rebooted = [position(10, lat=7), position(20, lat=8), position(30, lat=9)]
-    assert told(gps(3), *flown(3, 1), *rebooted) == pytest.approx([1e-7, 2e-7, 3e-7])
-    assert len(told(gps(3), *flown(3, 1), *rebooted, gps(3), position(40, lat=9))) == 4
+    flying = [position(90_000 + 100 * k, lat=k, lon=0) for k in range(1, 4)]
+    rebooted = [position(100 * k, lat=7) for k in range(55)]
+    assert told(gps(3), *flying, *rebooted) == pytest.approx([1e-7, 2e-7, 3e-7])
+    assert len(told(gps(3), *flying, *rebooted, gps(3), position(5500, lat=9))) == 4
 
 
 def test_0_0_is_a_place_with_a_fix_and_none_without() -> None:
