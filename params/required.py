@@ -4,8 +4,8 @@
 VALUE type`` separated by tabs. The comment lines before a parameter give the reason. ``#: accept A B`` or
 ``#: accept LOW..HIGH`` lists other valid values, ``#: wanted`` marks a recommendation, ``#: critical`` a
 parameter without which an automatic landing is refused, ``#: optional`` a parameter that some versions do not
-have. A line that begins with ``#?`` is optional, too, and ignored by ground stations. The files
-`autopilot/arducopter_odometry.parm` and `autopilot/px4_odometry.params` hold what the LiDAR odometry adds.
+have: ground stations and autopilots skip it there. The files `autopilot/arducopter_odometry.parm` and
+`autopilot/px4_odometry.params` hold what the LiDAR odometry adds.
 """
 
 from __future__ import annotations
@@ -35,7 +35,6 @@ class Required:
     critical: whether an automatic landing needs it confirmed, because with a wrong value the vehicle would
         land beside the point, or be in danger if the companion failed.
     optional: whether some versions do not have it.
-    loaded: whether a ground station that loads the file sets it.
     """
 
     name: str
@@ -46,7 +45,6 @@ class Required:
     integer: bool | None = None
     critical: bool = False
     optional: bool = False
-    loaded: bool = True
 
     def accepts(self, value: float) -> bool:
         """Return whether a vehicle's value is accepted."""
@@ -97,15 +95,13 @@ def parse(text: str) -> tuple[Required, ...]:
     notes: list[str] = []
     for number, line in enumerate(text.splitlines(), 1):
         stripped = line.strip()
-        loaded = not stripped.startswith("#?")
-        stripped = stripped.removeprefix("#?").strip()
         if stripped.startswith("#"):
             notes = [*notes, stripped] if stripped.strip("# ") else []
         elif not stripped:
             notes = []
         else:
             try:
-                row = _row(stripped.split(), notes, loaded)
+                row = _row(stripped.split(), notes)
             except ValueError as error:
                 raise ValueError(f"line {number}: {error}") from None
             if row.name in found:
@@ -115,7 +111,7 @@ def parse(text: str) -> tuple[Required, ...]:
     return tuple(found.values())
 
 
-def _row(words: list[str], notes: list[str], loaded: bool) -> Required:
+def _row(words: list[str], notes: list[str]) -> Required:
     integer = None
     if len(words) == 5:
         integer = words[4] == "6"
@@ -129,8 +125,8 @@ def _row(words: list[str], notes: list[str], loaded: bool) -> Required:
     accepted = next((_accepted(rule[1:]) for rule in rules if rule[0] == "accept"), ())
     why = " ".join(note.lstrip("# ") for note in notes if not note.startswith("#:"))
     level: Literal["needed", "wanted"] = "wanted" if ["wanted"] in rules else "needed"
-    critical, optional = ["critical"] in rules, ["optional"] in rules or not loaded
-    row = Required(words[0], float(words[1]), accepted, level, why, integer, critical, optional, loaded)
+    critical, optional = ["critical"] in rules, ["optional"] in rules
+    row = Required(words[0], float(words[1]), accepted, level, why, integer, critical, optional)
     if accepted and isinstance(accepted[0], tuple) and not accepted[0][0] <= row.value <= accepted[0][1]:
         raise ValueError(f"{row.name} {row.value:g} is outside what it accepts")
     return row

@@ -16,11 +16,13 @@ LOITER, OFFBOARD = 4 << 16 | 3 << 24, 6 << 16
 MODE_S = 0.5
 """PX4 tells its mode so often, whatever interval was asked for; and when it changes."""
 VERSION_1_17 = 1 << 24 | 17 << 16 | 0 << 8 | 255
+LATER = frozenset({"MAN_OVERRIDE_SPD", "EAV_EN"})
+"""What newer versions have."""
 
 
 def good_values() -> dict[str, float]:
-    """Return what our parameter file sets, by name."""
-    return {row.name: row.value for row in required("px4") if row.loaded}
+    """Return what our parameter file sets in this version, by name."""
+    return {row.name: row.value for row in required("px4") if row.name not in LATER}
 
 
 @dataclass

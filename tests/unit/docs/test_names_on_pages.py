@@ -34,8 +34,8 @@ def test_settings_of_the_tuning_page_are_parameters() -> None:
 def test_autopilot_parameters_of_the_hardware_page_are_those_of_the_files() -> None:
     folder = resources.files("params").joinpath("autopilot")
     parm, params4 = (folder.joinpath(name).read_text("utf-8") for name in ("arducopter.parm", "px4.params"))
-    copter = dict(re.findall(r"^(?:#\? )?(\w+) ([\d.]+)$", parm, re.MULTILINE))
-    px4 = dict(re.findall(r"^(?:#\? )?1\t1\t(\w+)\t([\d.]+)", params4, re.MULTILINE))
+    copter = dict(re.findall(r"^(\w+) ([\d.]+)$", parm, re.MULTILINE))
+    px4 = dict(re.findall(r"^1\t1\t(\w+)\t([\d.]+)", params4, re.MULTILINE))
     told = re.findall(
         r"`((?!SERIAL|SER_|MAV_)[A-Z][A-Z0-9_]+) ([\d.]+)`", (DOCS / "hardware.md").read_text("utf-8")
     )

@@ -5,8 +5,9 @@ from importlib import resources
 import pytest
 from pymavlink import mavparm
 
+from companion.flight.doctor.parameter_check import parameter_findings
 from params import Required, required
-from params.required import FILES, parse
+from params.required import FILES, ODOMETRY_FILES, parse
 
 
 def by_name(autopilot: str, odometry: bool = False) -> dict[str, Required]:
@@ -62,8 +63,7 @@ def test_mavproxy_reads_the_same_values(capsys: pytest.CaptureFixture[str]) -> N
         with resources.as_file(resources.files("params").joinpath(f"autopilot/{name}")) as path:
             assert read.load(str(path))
         assert "Invalid" not in capsys.readouterr().out
-        loaded = {row.name: row.value for row in required("ardupilot", odometry) if row.loaded}
-        assert dict(read) == loaded
+        assert dict(read) == {row.name: row.value for row in required("ardupilot", odometry)}
 
 
 @pytest.mark.parametrize("name", ["px4.params", "px4_odometry.params"])
@@ -77,12 +77,29 @@ def test_qgroundcontrol_s_columns_are_five_between_tabs(name: str) -> None:
         assert kind in ("6", "9")
 
 
-def test_what_some_versions_do_not_have_is_optional_and_what_others_replace_is_not_loaded() -> None:
+def loaded(name: str) -> dict[str, float]:
+    """Return what a ground station sets that loads a file of ours: each line that is no comment."""
+    text = resources.files("params").joinpath(f"autopilot/{name}").read_text("utf-8")
+    rows = [line.split() for line in text.splitlines() if line and not line.startswith("#")]
+    return {row[-3] if len(row) == 5 else row[0]: float(row[3] if len(row) == 5 else row[1]) for row in rows}
+
+
+@pytest.mark.parametrize("odometry", [False, True])
+@pytest.mark.parametrize("autopilot", sorted(FILES))
+def test_whoever_loads_the_file_satisfies_the_doctor_in_every_parameter_that_it_looks_at(
+    autopilot: str, odometry: bool
+) -> None:
+    values = loaded(FILES[autopilot]) | (loaded(ODOMETRY_FILES[autopilot]) if odometry else {})
+    found = parameter_findings(required(autopilot, odometry), values)
+    assert [finding.check for finding in found] == [row.name for row in required(autopilot, odometry)]
+    assert [finding for finding in found if finding.state != "ok"] == []
+
+
+def test_what_some_versions_do_not_have_is_optional() -> None:
     ardupilot, px4 = by_name("ardupilot"), by_name("px4")
-    assert (ardupilot["RNGFND1_MAX"].optional, ardupilot["RNGFND1_MAX"].loaded) == (True, True)
-    old = ardupilot["RNGFND1_MAX_CM"]  # up to 4.6
-    assert (old.optional, old.loaded, old.value) == (True, False, 100 * ardupilot["RNGFND1_MAX"].value)
-    assert {name for name, row in px4.items() if not row.loaded} == {
+    new, old = ardupilot["RNGFND1_MAX"], ardupilot["RNGFND1_MAX_CM"]  # up to 4.6
+    assert (new.optional, old.optional, old.value) == (True, True, 100 * new.value)
+    assert {name for name, row in px4.items() if row.optional} == {
         "COM_RC_OVERRIDE", "MAN_OVERRIDE_SPD", "EAV_EN", "EKF2_EV_CTRL",
     }  # fmt: skip
     assert {name for name, row in ardupilot.items() if row.critical and row.optional} == {
@@ -98,8 +115,8 @@ def test_the_odometry_s_file_wins_where_both_name_a_parameter() -> None:
         ("px4", "EKF2_EV_CTRL", 0.0, 7.0),
     ):
         off, on = by_name(autopilot)[name], by_name(autopilot, odometry=True)[name]
-        assert (off.value, off.level, off.loaded) == (without, "wanted", False)
-        assert (on.value, on.level, on.loaded) == (with_it, "needed", True)
+        assert (off.value, off.level) == (without, "wanted")
+        assert (on.value, on.level) == (with_it, "needed")
         assert not off.accepts(with_it)
         assert not on.accepts(without)
         assert set(by_name(autopilot)) < set(by_name(autopilot, odometry=True))
