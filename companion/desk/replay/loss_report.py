@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from companion.desk.replay.captures.captured_packets import snapped_packets
 from companion.desk.replay.foreign_replay import Feed, Rerun
 from companion.desk.replay.own_replay import ReplayOutcome
 from companion.desk.replay.time_of_day import time_of_day
@@ -46,6 +47,9 @@ def lost_for_time(source: Counts, returns: Counts) -> list[str]:
         ),
     ]
     said = [f"{count} {sentence}" for count, sentence in found if count]
+    said += snapped_packets(source)
+    if source.get("unreadable"):
+        said.append(f"{source['unreadable']} packets of the capture cannot be read")
     if source.get("times") != source.get("times_in_header"):
         said.append(
             f"times of points are {source['times']}, though the header tells {source['times_in_header']}"
@@ -61,7 +65,11 @@ def lost_for_time(source: Counts, returns: Counts) -> list[str]:
 
 def why_nothing(feed: Feed, rerun: Rerun) -> str:
     """Return the reason why no return could be georeferenced."""
-    others = [*absent(feed.summary()), *([f"{feed.bad} messages cannot be read"] if feed.bad else [])]
+    others = [
+        *snapped_packets(feed.summary()),
+        *absent(feed.summary()),
+        *([f"{feed.bad} messages cannot be read"] if feed.bad else []),
+    ]
     if not rerun.returns or rerun.span_ns is None:
         return "; ".join(["it holds no return of the LiDAR", *others])
     if rerun.poses_ns is None and feed.summary().get("positions_without_fix"):

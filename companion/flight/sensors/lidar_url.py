@@ -119,6 +119,8 @@ def open_lidar(
     host, colon, port = address.rpartition(":")
     if default is not None and not (colon and port):
         host, port = (host if colon else address), str(default)
+    if host == "255.255.255.255":
+        raise UsageError(f"LiDAR {url!r}: broadcasts arrive at all addresses: use 0.0.0.0")
     if not _is_port(port):
         raise UsageError(f"LiDAR {url!r} has no port from 1 to 65535: write {EXAMPLE}")
     imu_port = None if known.imu_port_step is None else int(port) + known.imu_port_step
@@ -228,7 +230,7 @@ def read_metadata(kind: str, query: str) -> str:
     if name != "meta" or not path:
         raise UsageError(f"no metadata is named: write {NAMES_METADATA}")
     try:
-        return Path(path).read_text()
+        return Path(path).read_text("utf-8")
     except OSError as error:
         raise UsageError(f"{path if path.isprintable() else repr(path)}: {error.strerror}") from None
     except ValueError:  # not text, or an impossible file name

@@ -15,6 +15,7 @@ from companion.flight.sensors.imu_samples import ImuSamples
 from companion.flight.sensors.packet_identification import NAMES, identify_packet, is_points
 from companion.flight.sensors.returns import RawReturns, Returns, join_raw
 from companion.flight.sensors.synchronised_clock import SynchronisedClock
+from companion.flight.sensors.undecoded_lidars import WAY, undecoded_lidar
 from companion.runtime.clock import WallOffset
 from companion.runtime.event import Event
 from params import Parameters
@@ -312,10 +313,16 @@ class PacketStream:
     def _suspect(self, packet: bytes, host: str) -> None:
         """Log once that another maker's sensor sends to this port."""
         found = identify_packet(packet)
-        if found is None:
-            return
+        undecoded = undecoded_lidar(packet)
+        if undecoded is not None:
+            self._suspect_undecoded(undecoded, host)
         if found == self.kind:
             self._suspect_own(packet)
+            return
+        if undecoded is not None:
+            self._wrong_sensor += 1
+            return
+        if found is None:
             return
         if not self._wrong_sensor:
             log.error(
@@ -323,6 +330,12 @@ class PacketStream:
                 *(host, NAMES[found], NAMES.get(self.kind, self.kind), found),
             )
         self._wrong_sensor += 1
+
+    def _suspect_undecoded(self, name: str, host: str) -> None:
+        """Log once that a LiDAR without a decoder sends to this port, and let the diagnosis name it."""
+        if not self.diagnosis.undecoded:
+            log.error("packets from %s are those of %s, which has no decoder: %s", host, name, WAY)
+        self.diagnosis.undecoded = name
 
     def _suspect_own(self, packet: bytes) -> None:
         """Tell the diagnosis of points of this maker that the decoder cannot use."""

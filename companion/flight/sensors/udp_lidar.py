@@ -9,6 +9,7 @@ import logging
 import socket
 from typing import Any
 
+from companion.flight.link.transport.multicast import join_group
 from companion.flight.sensors.decoders.livox_session import LivoxSession
 from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
 from companion.flight.sensors.diagnosis.receive_queue import dropped_packets
@@ -135,6 +136,7 @@ class UdpLidar(asyncio.DatagramProtocol):
         sock.setblocking(False)
         try:
             sock.bind(address)
+            join_group(sock, host)
         except OSError as error:
             sock.close()
             why = BIND_ERRORS.get(error.errno or 0) or str(error.strerror or error)
@@ -143,11 +145,12 @@ class UdpLidar(asyncio.DatagramProtocol):
 
     def _surroundings(self) -> Surroundings:
         """Return what is known of the sensor beside its packets."""
-        dropped = dropped_packets(self._address[1])
+        host, port = self._address
+        dropped = dropped_packets(port)
         if self.session is None:
-            return Surroundings(dropped=dropped)
+            return Surroundings(dropped=dropped, bound=host)
         present = is_present(self.session.address)
-        return Surroundings(self.session.answers, self.session.refused, present, dropped)
+        return Surroundings(self.session.answers, self.session.refused, present, dropped, host)
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
         """Store a packet for the next batch."""

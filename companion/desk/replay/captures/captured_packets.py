@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from companion.desk.replay.captures.pcap import Capture, Datagram
 from companion.desk.replay.foreign_replay import Act, Rerun
 from companion.flight.sensors.lidar_url import read_metadata
-from companion.flight.sensors.packet_identification import identify_packet
+from companion.flight.sensors.packet_identification import identify_packet, is_points
 from companion.flight.sensors.packet_stream import PacketStream
 from companion.flight.sensors.sensor_registry import decoder_for
 from companion.flight.sensors.udp_lidar import BATCH_PACKETS
+from companion.flight.sensors.undecoded_lidars import WAY, undecoded_lidar
 from companion.runtime.errors import UsageError
 
-LOOKED_AT = 2000  # datagrams examined to identify the sensor
+LOOKED_AT = 2000  # packets of LiDARs examined to identify the sensor
 BATCH_NS = 10_000_000
 
 
@@ -39,14 +39,15 @@ class CapturedPackets:
 
     def __init__(self, path: Path, lidar: str | None) -> None:
         self._capture = Capture(path)
-        kind, _, query = (lidar or self._kind(path)).partition("?")
+        self._kind_told = ""
+        self._stream: PacketStream | None = None
+        kind, _, query = self._kind(path, lidar).partition("?")
         self._kind_told = kind
         try:
             self._metadata = read_metadata(kind, query)
         except UsageError as error:
             raise UsageError(f"--lidar {lidar}: {error}") from None
         decoder_for(kind, self._metadata)
-        self._stream: PacketStream | None = None
 
     @property
     def cut(self) -> str:
@@ -58,7 +59,15 @@ class CapturedPackets:
 
     def summary(self) -> dict[str, Any]:
         packets = {} if self._stream is None else self._stream.statistics()
-        return {"lidar": self._kind_told, "packets": packets, "no_udp": self._capture.other}
+        capture = self._capture
+        return {
+            "lidar": self._kind_told,
+            "packets": packets,
+            "no_udp": capture.other,
+            "unreadable": capture.bad,
+            "snapped": capture.snapped,
+            "snapped_bytes": capture.snapped_bytes,
+        }
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
         decoder = decoder_for(self._kind_told, self._metadata)
@@ -73,17 +82,44 @@ class CapturedPackets:
             yield at_ns, partial(see, datagram)
         yield at_ns, partial(stream.flush, at_ns)
 
-    def _kind(self, path: Path) -> str:
-        """Return the most frequent kind of sensor among the first packets."""
-        packets = (datagram.data for datagram in islice(self._capture.datagrams(), LOOKED_AT))
-        kinds = Counter(map(identify_packet, packets))
-        n_udp = kinds.total()
-        del kinds[None]
-        if not kinds:
+    def _kind(self, path: Path, lidar: str | None) -> str:
+        """Return the kind of sensor: that of the user, else the most frequent one among the first packets."""
+        kinds, undecoded, n_udp = Counter[str](), Counter[str](), 0
+        for datagram in self._capture.datagrams():
+            n_udp += 1
+            name = undecoded_lidar(datagram.data)
+            kind = None if name is not None else identify_packet(datagram.data)
+            if name is not None:
+                undecoded[name] += 1
+            elif kind is not None and is_points(datagram.data, kind):
+                kinds[kind] += 1
+            if kinds.total() + undecoded.total() >= LOOKED_AT:
+                break
+        if lidar is not None and (not undecoded or lidar.partition("?")[0] in kinds):
+            return lidar
+        if lidar is None and kinds:
+            return str(kinds.most_common(1)[0][0])
+        if undecoded:
+            names = " and ".join(sorted(undecoded))
             raise UsageError(
-                f"{path}: none of its first {n_udp} UDP packets is of a known LiDAR: name it by --lidar"
+                f"{path}: its packets are those of {names}, for which there is no decoder, so that --lidar"
+                f" cannot help: {WAY}"
             )
-        return str(kinds.most_common(1)[0][0])
+        snapped = snapped_packets(self.summary())
+        if snapped:
+            raise UsageError(f"{path}: no UDP packet of it is whole: {'; '.join(snapped)}")
+        lost = f"; {self.cut}" if self.cut else ""
+        raise UsageError(
+            f"{path}: none of its {n_udp} UDP packets is of a known LiDAR: name it by --lidar{lost}"
+        )
+
+
+def snapped_packets(source: Mapping[str, Any]) -> list[str]:
+    """Return a sentence on packets cut by the capture's snap length, from the summary of a source."""
+    count, kept = source.get("snapped", 0), source.get("snapped_bytes", 0)
+    if not count:
+        return []
+    return [f"{count} packets were cut to {kept} bytes when captured: capture whole ones (tcpdump -s 0)"]
 
 
 class _BatchDecoder:

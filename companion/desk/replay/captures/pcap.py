@@ -6,11 +6,13 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import dpkt
 
 from companion.desk.replay.captures import pcapng
+from companion.desk.replay.captures.damaged_parts import DamagedParts
+from companion.desk.replay.captures.pcap_records import PcapRecords
 from companion.runtime.errors import UsageError
 
 UDP = 17
@@ -28,15 +30,21 @@ class Datagram:
     data: bytes
 
 
+class CutDatagramError(ValueError):
+    """A datagram that is shorter than it says."""
+
+
 class Capture:
     """A capture file.
 
     Attributes
     ----------
     cut
-        Reason for the missing end, or empty; known once the file was read.
+        Parts of the file that cannot be read, empty where all can; known once the file was read.
     other, bad
         Number of packets that are no UDP, and of unreadable ones.
+    snapped, snapped_bytes
+        Number of datagrams that the capture's snap length cut, and the bytes that it left of the longest.
 
     Raises
     ------
@@ -47,70 +55,43 @@ class Capture:
     def __init__(self, path: Path) -> None:
         self._path = path
         self.cut = ""
-        self.other = self.bad = 0
+        self.other = self.bad = self.snapped = self.snapped_bytes = 0
         try:
             with path.open("rb") as file:
                 self._next_generation = file.read(len(pcapng.MAGIC)) == pcapng.MAGIC
                 file.seek(0)
                 if not self._next_generation:
-                    dpkt.pcap.Reader(file)
+                    PcapRecords(file, DamagedParts())
         except OSError as error:
             raise UsageError(f"{path}: cannot be read: {error.strerror or error}") from None
-        except (ValueError, dpkt.dpkt.Error):
+        except ValueError:
             raise UsageError(f"{path}: it is no pcap or pcapng file") from None
 
     def datagrams(self) -> Iterator[Datagram]:
         """Yield the UDP datagrams in the order of the file."""
-        pieces = _Fragments()
-        self.other = self.bad = 0
+        pieces, damage = _Fragments(), DamagedParts()
+        self.other = self.bad = self.snapped = self.snapped_bytes = 0
         with self._path.open("rb") as file:
-            for link, at_ns, frame in self._frames(file):
+            frames = pcapng.packets(file, damage) if self._next_generation else PcapRecords(file, damage)
+            for frame in frames:
+                is_cut = len(frame.data) < frame.length
                 try:
-                    found = pieces.add(_network(link, frame))
+                    packet = _network(frame.link, frame.data)
+                    if is_cut and isinstance(packet, bytes):  # within the head of IP
+                        raise CutDatagramError
+                    found = pieces.add(packet)
                 except Exception:  # dpkt passes on errors of any kind
-                    self.bad += 1
+                    self.snapped += is_cut
+                    self.bad += not is_cut
+                    if is_cut:
+                        self.snapped_bytes = max(self.snapped_bytes, len(frame.data))
                     continue
                 if found is None:
                     self.other += 1
                 else:
-                    yield Datagram(at_ns, found[0], found[1])
-
-    def _frames(self, file: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
-        """Yield link type, time since 1970 (ns) and bytes of every frame."""
-        frames = pcapng.packets(file) if self._next_generation else _of_one_interface(file)
-        while True:
-            try:
-                frame = next(frames)
-            except StopIteration:
-                return
-            except Exception as error:  # dpkt raises errors of struct and its own
-                self.cut = f"{self._path.name} is damaged or cut off: {error!r}"
-                return
-            yield frame
-
-
-def _of_one_interface(file: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
-    """Yield the frames of the older format, whose header has one link type for all."""
-    asked = _Asked(file)
-    reader = dpkt.pcap.Reader(asked)
-    link = reader.datalink()
-    for at_s, frame in reader:
-        if asked.short:
-            raise pcapng.DamagedError("it ends within a packet")
-        yield link, round(float(at_s) * 1e6) * 1000, bytes(frame)
-
-
-class _Asked:
-    """File that records whether its last read was short, which dpkt does not check."""
-
-    def __init__(self, file: BinaryIO) -> None:
-        self._file = file
-        self.short = False
-
-    def read(self, n: int) -> bytes:
-        data = self._file.read(n)
-        self.short = len(data) < n
-        return data
+                    yield Datagram(frame.at_ns, found[0], found[1])
+            told = damage.sentence(file.seek(0, 2))
+            self.cut = f"{self._path.name}: {told}" if told else ""
 
 
 def _network(link: int, frame: bytes) -> Any:
@@ -135,24 +116,41 @@ class _Fragments:
         self._waiting: OrderedDict[tuple[bytes, bytes, int], dict[int, tuple[bytes, bool]]] = OrderedDict()
 
     def add(self, packet: Any) -> tuple[str, bytes] | None:
-        """Return sender and data of the UDP datagram that this packet is or completes; else None."""
+        """Return sender and data of the UDP datagram that this packet is or completes; else None.
+
+        Raises
+        ------
+        CutDatagramError
+            It is cut.
+        """
         if isinstance(packet, dpkt.ip6.IP6):
-            return (packet.src.hex(), bytes(packet.data.data)) if packet.nxt == UDP else None
+            return (packet.src.hex(), _data(packet.data)) if packet.nxt == UDP else None
         if not isinstance(packet, dpkt.ip.IP) or packet.p != UDP:
             return None
         host = ".".join(map(str, packet.src))
         if not (packet.mf or packet.offset):
-            return host, bytes(packet.data.data)
+            return host, _data(packet.data)
+        part = bytes(packet.data)
+        if packet.len > 4 * packet.hl + len(part):
+            raise CutDatagramError
         key = packet.src, packet.dst, packet.id
         parts = self._waiting.setdefault(key, {})
-        parts[packet.offset * 8] = bytes(packet.data), bool(packet.mf)
+        parts[packet.offset * 8] = part, bool(packet.mf)
         whole = _whole(parts)
         if whole is not None:
             del self._waiting[key]
-            return host, bytes(dpkt.udp.UDP(whole).data)
+            return host, _data(dpkt.udp.UDP(whole))
         while len(self._waiting) > UNFINISHED:
             self._waiting.popitem(last=False)
         return None
+
+
+def _data(datagram: Any) -> bytes:
+    """Return the payload of a UDP datagram, by the length in its head."""
+    data, length = bytes(datagram.data), datagram.ulen - 8
+    if length > len(data):
+        raise CutDatagramError
+    return data[:length] if length > 0 else data
 
 
 def _whole(parts: dict[int, tuple[bytes, bool]]) -> bytes | None:

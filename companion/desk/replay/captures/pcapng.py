@@ -12,16 +12,36 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import BinaryIO
 
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.desk.replay.captures.damaged_parts import DamagedParts, next_record
+
 SECTION, INTERFACE, OLD_PACKET, SIMPLE_PACKET, PACKET = 0x0A0D0D0A, 1, 2, 3, 6
+# Beside them: names, statistics, journal entries, secrets, and the makers' own blocks.
+TYPES = np.array(
+    [SECTION, INTERFACE, OLD_PACKET, SIMPLE_PACKET, 4, 5, PACKET, 9, 10, 0xBAD, 0x40000BAD], np.uint32
+)
 MAGIC = SECTION.to_bytes(4, "big")  # the same in either byte order
 ORDERS = {b"\x4d\x3c\x2b\x1a": "<", b"\x1a\x2b\x3c\x4d": ">"}
 END, RESOLUTION, OFFSET = 0, 9, 14  # options of an interface
 MOST_BLOCK = 1 << 24  # bytes
+LEAST_BLOCK = 12
 MICROSECONDS = 6
 
 
 class DamagedError(ValueError):
-    """Contradictory blocks, or a file that ends within one."""
+    """A contradictory block, or one that the file's end cuts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """Frame of a capture. link: type of its head. at_ns: since 1970. length: on the network, in bytes."""
+
+    link: int
+    at_ns: int
+    data: bytes
+    length: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,33 +57,39 @@ class Interface:
         return self.offset_s * 1_000_000_000 + count * 1_000_000_000 // self.per_second
 
 
-def packets(file: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
-    """Yield link type, time since 1970 (ns) and frame of every packet that has a time.
-
-    Raises
-    ------
-    DamagedError
-        The rest cannot be read.
-    """
-    order, interfaces = "", list[Interface]()
-    try:
-        while head := file.read(8):
+def packets(file: BinaryIO, damage: DamagedParts) -> Iterator[Frame]:
+    """Yield every packet that has a time; `damage` takes the parts that cannot be read."""
+    order, interfaces, at = "", list[Interface](), 0
+    while head := file.read(8):
+        try:
             order, kind, body = _block(file, head, order)
+        except DamagedError as error:
+            found = _next_block(file, at + 1, order)
+            end = file.seek(0, 2) if found is None else found
+            damage.add(at, end, str(error))
+            at = file.seek(end)
+            continue
+        begin, at = at, file.tell()
+        try:
             if kind == SECTION:
                 interfaces.clear()
             elif kind == INTERFACE:
                 interfaces.append(_interface(body, order))
             elif kind in (PACKET, OLD_PACKET):
-                form = order + ("IIIII" if kind == PACKET else "HHIIII")
-                number, *rest = struct.unpack_from(form, body)
-                high, low, captured = rest[-4:-1]
-                begin = struct.calcsize(form)
-                if number >= len(interfaces) or begin + captured > len(body):
-                    raise DamagedError("a packet is of no interface, or longer than its block")
-                one = interfaces[number]
-                yield one.link, one.since_1970_ns(high << 32 | low), body[begin : begin + captured]
-    except struct.error as error:
-        raise DamagedError(f"it ends within a block: {error}") from None
+                yield _packet(body, kind, order, interfaces)
+        except (DamagedError, struct.error):
+            damage.add(begin, at, "a packet is of no interface, or longer than its block")
+
+
+def _packet(body: bytes, kind: int, order: str, interfaces: list[Interface]) -> Frame:
+    form = order + ("IIIII" if kind == PACKET else "HHIIII")
+    number, *rest = struct.unpack_from(form, body)
+    high, low, captured, length = rest[-4:]
+    begin = struct.calcsize(form)
+    if number >= len(interfaces) or begin + captured > len(body):
+        raise DamagedError
+    one = interfaces[number]
+    return Frame(one.link, one.since_1970_ns(high << 32 | low), body[begin : begin + captured], length)
 
 
 def _block(file: BinaryIO, head: bytes, order: str) -> tuple[str, int, bytes]:
@@ -75,13 +101,37 @@ def _block(file: BinaryIO, head: bytes, order: str) -> tuple[str, int, bytes]:
         head, order = head + magic, ORDERS[magic]
     if not order:
         raise DamagedError("it does not begin with a section")
+    if len(head) < 8:
+        raise DamagedError("it ends within a block")
     kind, length = struct.unpack_from(order + "II", head)
-    if not len(head) + 4 <= length <= MOST_BLOCK or length % 4:
+    if not max(LEAST_BLOCK, len(head) + 4) <= length <= MOST_BLOCK or length % 4:
         raise DamagedError(f"a block has {length} bytes")
     body = file.read(length - len(head))
     if len(body) < length - len(head):
         raise DamagedError("it ends within a block")
+    (repeated,) = struct.unpack(order + "I", body[-4:])
+    if repeated != length:
+        raise DamagedError(f"a block has {length} bytes by its first length, {repeated} by its last")
     return order, kind, body[:-4]
+
+
+def _next_block(file: BinaryIO, begin: int, order: str) -> int | None:
+    """Return the offset of the next whole block of a known type, None if there is none."""
+
+    def looks(words: NDArray[np.uint32]) -> NDArray[np.bool_]:
+        kind, length = words.T
+        sized = (length >= LEAST_BLOCK) & (length <= MOST_BLOCK) & (length % 4 == 0)
+        return np.asarray(np.isin(kind, TYPES) & (sized | (kind == SECTION)))
+
+    def is_whole(at: int) -> bool:
+        file.seek(at)
+        try:
+            _block(file, file.read(8), order)
+        except DamagedError:
+            return False
+        return True
+
+    return next_record(file, begin, 2, order or "<", looks, is_whole)
 
 
 def _interface(body: bytes, order: str) -> Interface:

@@ -8,6 +8,7 @@ from typing import Any
 
 from companion.flight.link.transport.channel import MAX_BACKLOG_BYTES, Channel, OnBytes
 from companion.flight.link.transport.mavlink_url import Url
+from companion.flight.link.transport.multicast import join_group
 
 # A bound port replies to all recent peers, because an autopilot or router that restarts uses a new port.
 PEER_MEMORY_S = 10.0
@@ -25,10 +26,15 @@ async def open_udpout(url: Url, on_bytes: OnBytes) -> Channel:
 
 
 async def open_udpin(url: Url, on_bytes: OnBytes) -> Channel:
-    """Bind the address; raise OSError on failure."""
+    """Bind the address, and join it if it is a multicast group; raise OSError on failure."""
     channel = DatagramChannel(on_bytes, bound=True)
     loop = asyncio.get_running_loop()
-    await loop.create_datagram_endpoint(lambda: channel, local_addr=(url.host, url.port))
+    transport, _ = await loop.create_datagram_endpoint(lambda: channel, local_addr=(url.host, url.port))
+    try:
+        join_group(transport.get_extra_info("socket"), url.host)
+    except OSError:
+        transport.close()
+        raise
     return channel
 
 

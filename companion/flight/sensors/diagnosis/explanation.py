@@ -6,6 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from companion.flight.link.transport.multicast import is_multicast
+from companion.flight.sensors.diagnosis.sensor_surroundings import ANY, ANY_6
+from companion.flight.sensors.undecoded_lidars import WAY
+
 Level = Literal["fail", "warn"]
 
 SUBNET = "check power and cable, and that sensor and computer are in one subnet"
@@ -46,23 +50,29 @@ class Explanation:
 # ---- nothing that can be used arrives --------------------------------------------------------------
 
 
-def silent(seconds: float) -> Explanation:
-    """Nothing arrives any more, or has never arrived."""
+def silent(seconds: float, bound: str = ANY) -> Explanation:
+    """Nothing arrives any more, or has never arrived, at the bound address."""
+    other = (
+        ""
+        if bound in (ANY, ANY_6)
+        else f"; if it sends broadcasts or to a group, use {ANY} or the group's address"
+    )
     return Explanation(
         "LiDAR silent: power, cable or address",
         f"nothing has come from the LiDAR for {seconds:.0f} s",
-        f"{SUBNET}, and set the sensor's destination to this computer and the port of --lidar",
+        f"{SUBNET}, and set the sensor's destination to this computer and the port of --lidar{other}",
         "fail",
     )
 
 
 def elsewhere(address: str) -> Explanation:
-    """The sensor is alive, but sends to another host."""
+    """The sensor is alive, but sends to another host or group."""
+    group = f", or receive from its group (--lidar KIND:{address}:PORT)" if is_multicast(address) else ""
     return Explanation(
         "LiDAR sends elsewhere: set its host address",
         f"the LiDAR is there, but sends to {address}",
         "set the sensor's destination to this computer's address (Livox: `?sensor=` in --lidar; Ouster:"
-        " udp_dest), and fetch an Ouster's metadata again",
+        f" udp_dest){group}, and fetch an Ouster's metadata again",
         "fail",
     )
 
@@ -110,22 +120,29 @@ def muted() -> Explanation:
     )
 
 
-def other_maker() -> Explanation:
-    """Packets of another maker arrive."""
+def other_maker(undecoded: str = "") -> Explanation:
+    """Packets of another maker arrive; undecoded: that LiDAR, if there is no decoder for it."""
+    sender = undecoded or "another maker's LiDAR"
     return Explanation(
         "another maker's LiDAR sends to this port",
-        "what arrives are packets of another maker's LiDAR",
-        "name that maker in --lidar, or let it send to another port",
+        f"what arrives are packets of {sender}",
+        f"there is no decoder for it: {WAY}"
+        if undecoded
+        else "name that maker in --lidar, or let it send to another port",
         "fail",
     )
 
 
-def not_as_described() -> Explanation:
-    """Packets of this maker, but not of this model or setting."""
+def not_as_described(undecoded: str = "") -> Explanation:
+    """Packets of this maker, but not of this model or setting; undecoded: the model without a decoder."""
     return Explanation(
         "LiDAR packets do not fit: model or metadata",
-        "packets of this maker arrive, but not of this model, firmware or setting",
-        "Ouster: fetch the metadata again after each change of its settings; others: see which models"
+        f"what arrives are packets of {undecoded}"
+        if undecoded
+        else "packets of this maker arrive, but not of this model, firmware or setting",
+        f"there is no decoder for it: {WAY}"
+        if undecoded
+        else "Ouster: fetch the metadata again after each change of its settings; others: see which models"
         " docs/sensors.md lists",
         "fail",
     )

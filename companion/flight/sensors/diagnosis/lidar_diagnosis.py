@@ -121,6 +121,8 @@ class LidarDiagnosis:
         where packets are missing.
     repeated
         Returns how many returns were recognised as those of a picture that came before.
+    undecoded
+        LiDAR without a decoder that sends to this port, empty without one.
     """
 
     def __init__(
@@ -149,6 +151,7 @@ class LidarDiagnosis:
         self._past: deque[Episode] = deque(maxlen=FORGOTTEN)
         self.surroundings: Callable[[], Surroundings] = Surroundings
         self.repeated: Callable[[], int] = int
+        self.undecoded = ""
 
     @property
     def active(self) -> list[Episode]:
@@ -256,9 +259,9 @@ class LidarDiagnosis:
         self, look: StreamLook, seconds: float, around: Surroundings, now_ns: int
     ) -> tuple[str, Explanation]:
         if look.wrong_sensor:
-            return "other_maker", explain.other_maker()
+            return "other_maker", explain.other_maker(self.undecoded)
         if look.unfit:
-            return "not_as_described", explain.not_as_described()
+            return "not_as_described", explain.not_as_described(self.undecoded)
         if look.spoilt:
             return "spoilt", explain.spoilt(1.0)
         if now_ns - self._imu_at_ns < SILENT_NS:
@@ -270,20 +273,20 @@ class LidarDiagnosis:
         if around.answers:
             return "firewall", explain.firewall()
         destination = "" if self._signs is None else self._signs.destination
-        if destination and not is_ours(destination):
+        if destination and not is_ours(destination, around.bound):
             return "elsewhere", explain.elsewhere(destination)
         if around.present:
             return "elsewhere", explain.elsewhere("another host or port")
-        return "silent", explain.silent(seconds)
+        return "silent", explain.silent(seconds, around.bound)
 
     def _why_poor(self, look: StreamLook, now_ns: int) -> dict[str, Explanation]:
         """Return causes by which something is missing or too much."""
         shown: dict[str, Explanation] = {}
         arrived = look.packets + look.spoilt + look.foreign
         if look.wrong_sensor >= LEAST_SPOILT:
-            shown["other_maker"] = explain.other_maker()
+            shown["other_maker"] = explain.other_maker(self.undecoded)
         if look.unfit >= LEAST_SPOILT and not look.packets:
-            shown["not_as_described"] = explain.not_as_described()
+            shown["not_as_described"] = explain.not_as_described(self.undecoded)
         elif look.spoilt - look.wrong_sensor >= max(LEAST_SPOILT, SPOILT_SHARE * arrived):
             shown["spoilt"] = explain.spoilt(look.spoilt / arrived)
         if look.foreign >= LEAST_SPOILT:

@@ -6,8 +6,11 @@ import socket
 from dataclasses import dataclass
 from pathlib import Path
 
+from companion.flight.link.transport.multicast import is_multicast
+
 ARP = Path("/proc/net/arp")
 COMPLETE = 0x2
+ANY, ANY_6 = "0.0.0.0", "::"
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,12 +27,15 @@ class Surroundings:
         Whether its address answers on the network, None where unknown.
     dropped
         Packets that the kernel dropped at the port so far, None where unknown.
+    bound
+        Address at which packets are received; ANY for all of this computer.
     """
 
     answers: bool | None = None
     refused: str = ""
     present: bool | None = None
     dropped: int | None = None
+    bound: str = ANY
 
 
 def is_present(address: str, table: Path = ARP) -> bool | None:
@@ -45,9 +51,16 @@ def is_present(address: str, table: Path = ARP) -> bool | None:
     return None
 
 
-def is_ours(address: str) -> bool:
-    """Return whether a packet to this address can reach this computer: its own, multicast or broadcast."""
-    if address in ("255.255.255.255", "0.0.0.0") or address.startswith("@"):
+def is_ours(address: str, bound: str = ANY) -> bool:
+    """Return whether a packet to this address arrives at the bound one.
+
+    A multicast arrives where its group is bound, a broadcast at `ANY` alone.
+    """
+    if address in (ANY, bound) or address.startswith("@"):
+        return True
+    if is_multicast(address) or bound not in (ANY, ANY_6):
+        return False
+    if address == "255.255.255.255":
         return True
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:

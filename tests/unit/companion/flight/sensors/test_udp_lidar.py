@@ -32,7 +32,7 @@ def port() -> int:
 
 
 @pytest.fixture
-def play(port: int) -> Iterator[Callable[[Scenario], None]]:
+def play(port: int) -> Iterator[Callable[..., None]]:
     """Run a scenario beside a driver, on a clock that goes on by a millisecond whenever nothing is to do."""
     clock = [0]
 
@@ -44,9 +44,9 @@ def play(port: int) -> Iterator[Callable[[Scenario], None]]:
     sender = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     sender.connect(("127.0.0.1", port))
 
-    async def both(scenario: Scenario) -> None:
+    async def both(scenario: Scenario, host: str) -> None:
         batches: list[Returns] = []
-        driver = open_lidar(f"livox:127.0.0.1:{port}", Parameters(), batches.append)
+        driver = open_lidar(f"livox:{host}:{port}", Parameters(), batches.append)
         running = asyncio.ensure_future(driver.run())
         await asyncio.sleep(0.002)
         try:
@@ -55,7 +55,7 @@ def play(port: int) -> Iterator[Callable[[Scenario], None]]:
             running.cancel()
             await asyncio.gather(running, return_exceptions=True)
 
-    yield lambda scenario: loop.run_until_complete(both(scenario))
+    yield lambda scenario, host="127.0.0.1": loop.run_until_complete(both(scenario, host))
     sender.close()
     loop.close()
 
@@ -73,6 +73,7 @@ def play(port: int) -> Iterator[Callable[[Scenario], None]]:
         ("velodyne:0.0.0.0:0", "port"),
         ("velodyne:0.0.0.0:x", "port"),
         ("cloud.laz", "livox:HOST:PORT"),
+        ("livox:255.255.255.255:56301", "use 0.0.0.0"),
     ],
 )
 def test_a_wrong_url_is_one_clear_line(url: str, says: str) -> None:
@@ -305,3 +306,15 @@ def test_the_sensor_that_the_url_names_is_the_one_that_is_heard() -> None:
     lidar.stream.flush(2000 * MS)
     assert sum(map(len, batches)) == 1
     assert lidar.statistics()["foreign"] == 2
+
+
+def test_a_host_that_is_a_multicast_group_is_joined(play: Callable[..., None], port: int) -> None:
+    async def scenario(driver: UdpLidar, _: socket.socket, batches: list[Returns]) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
+            sender.sendto(points_packet(ONE, stamp_ns=5_000 * MS), ("239.1.1.5", port))
+        await asyncio.sleep(0.05)
+        assert driver.statistics()["packets"] == 1
+        assert sum(map(len, batches)) == 1
+
+    play(scenario, "239.1.1.5")

@@ -204,19 +204,153 @@ def test_a_capture_that_is_cut_off_gives_the_whole_packets_before_and_says_so(tm
         assert bool(read.cut) == (length not in ends)
 
 
-@pytest.mark.parametrize(
-    ("damaged", "says"),
-    [
-        (packet(7, BEGIN_US, b""), "of no interface"),
-        (block(PACKET, struct.pack("<IIIII", 0, 0, 0, 99, 99)), "longer than its block"),
-        (struct.pack("<III", PACKET, 2**31, 0), "a block has 2147483648 bytes"),
-        (struct.pack("<III", SECTION, 28, 0), "no byte order"),
-    ],
-)
-def test_a_damaged_block_ends_the_reading_and_is_told(tmp_path: Path, damaged: bytes, says: str) -> None:
+DAMAGED = {
+    "of no interface": (packet(7, BEGIN_US, b""), "of no interface"),
+    "longer than its block": (
+        block(PACKET, struct.pack("<IIIII", 0, 0, 0, 99, 99)),
+        "longer than its block",
+    ),
+    "length": (struct.pack("<III", PACKET, 2**31, 0), "a block has 2147483648 bytes"),
+    "lengths that differ": (packet(0, BEGIN_US, b"one")[:-4] + struct.pack("<I", 44), "by its last"),
+    "byte order": (struct.pack("<III", SECTION, 28, 0), "no byte order"),
+    "zeros": (bytes(4096), "a block has 0 bytes"),
+    "noise": (bytes(range(1, 256)) * 9, "a block has"),
+    "cut block": (packet(0, BEGIN_US, bytes(99))[:50], "a block has"),
+}
+
+
+@pytest.mark.parametrize(("damaged", "says"), DAMAGED.values(), ids=DAMAGED)
+def test_what_is_whole_around_a_damaged_block_is_read_and_the_loss_told(
+    tmp_path: Path, damaged: bytes, says: str
+) -> None:
     path = tmp_path / "a.pcapng"
-    good = packet(0, BEGIN_US, ETHERNET_HEAD + ip(udp(b"one")))
-    path.write_bytes(section() + interface(ETHERNET, MICRO) + good + damaged + good)
+    good = [packet(0, BEGIN_US + 1000 * k, ETHERNET_HEAD + ip(udp(b"%d" % k))) for k in range(4)]
+    path.write_bytes(section() + interface(ETHERNET, MICRO) + good[0] + good[1] + damaged + good[2] + good[3])
+    read = Capture(path)
+    assert [d.data for d in read.datagrams()] == [b"0", b"1", b"2", b"3"]
+    assert says in read.cut
+    assert f"{len(damaged)} of its {path.stat().st_size} bytes are left out" in read.cut
+
+
+def old_record(number: int, frame: bytes, head: str = "<IIII", scale: int = 1) -> bytes:
+    at_us = BEGIN_US + 1000 * number
+    at = at_us // 10**6, at_us % 10**6 * scale
+    return struct.pack(head, *at, len(frame), len(frame)) + frame
+
+
+OLD_HEADER = struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, RAW)
+SENT = [b"%d" % k * 40 for k in range(8)]
+OLD_RECORDS = [old_record(k, ip(udp(data))) for k, data in enumerate(SENT)]
+
+
+def altered(record: bytes, at: int, form: str, value: int) -> bytes:
+    return record[:at] + struct.pack(form, value) + record[at + struct.calcsize(form) :]
+
+
+BROKEN = {
+    "zeros": bytes(len(OLD_RECORDS[3])),
+    "many zeros": bytes(5000),
+    "noise": bytes(range(256)) * 9,
+    "half a record": OLD_RECORDS[3][:60],
+    "cut off at its head": OLD_RECORDS[3][30:],
+    "a length beyond the file": altered(OLD_RECORDS[3], 8, "<I", 200_000),
+    "a length beyond all": altered(OLD_RECORDS[3], 8, "<I", 2**31),
+    "too short a length": altered(OLD_RECORDS[3], 8, "<I", 70),
+    "too long a length": altered(OLD_RECORDS[3], 8, "<I", 170),
+    "ticks of no second": altered(OLD_RECORDS[3], 4, "<I", 2**30),
+}
+
+
+@pytest.mark.parametrize("broken", BROKEN.values(), ids=BROKEN)
+def test_a_broken_record_costs_itself_alone_and_is_told(tmp_path: Path, broken: bytes) -> None:
+    path = tmp_path / "a.pcap"
+    path.write_bytes(OLD_HEADER + b"".join([*OLD_RECORDS[:3], broken, *OLD_RECORDS[4:]]))
+    read = Capture(path)
+    found = [d.data for d in read.datagrams()]
+    assert [data for data in found if data != SENT[3]] == SENT[:3] + SENT[4:]
+    assert "damaged in one place" in read.cut
+    assert read.cut.startswith("a.pcap: ")
+
+
+def test_several_broken_records_and_a_cut_end_are_counted(tmp_path: Path) -> None:
+    path = tmp_path / "a.pcap"
+    records = [
+        *OLD_RECORDS[:2],
+        bytes(900),
+        *OLD_RECORDS[2:4],
+        bytes(700),
+        *OLD_RECORDS[4:7],
+        OLD_RECORDS[7][:50],
+    ]
+    path.write_bytes(OLD_HEADER + b"".join(records))
+    read = Capture(path)
+    assert [d.data for d in read.datagrams()] == SENT[:7]
+    assert "in 3 places, the first at byte" in read.cut
+    assert "1650 of its" in read.cut
+
+
+def test_the_times_of_a_clock_that_is_set_in_the_flight_are_no_damage(tmp_path: Path) -> None:
+    path = tmp_path / "a.pcap"
+    early = [altered(record, 0, "<I", 95) for record in OLD_RECORDS[:4]]
+    path.write_bytes(OLD_HEADER + b"".join([*early, *OLD_RECORDS[4:]]))
+    read = Capture(path)
+    assert [d.data for d in read.datagrams()] == SENT
+    assert not read.cut
+
+
+FORMS = {
+    "big endian": (struct.pack(">IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, RAW), ">IIII", 1),
+    "nanoseconds": (struct.pack("<IHHiIII", 0xA1B23C4D, 2, 4, 0, 0, 65535, RAW), "<IIII", 1000),
+    "Kuznetsov's": (struct.pack("<IHHiIII", 0xA1B2CD34, 2, 4, 0, 0, 65535, RAW), "<IIII8x", 1),
+    "with checksums": (struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 0x28000000 | RAW), "<IIII", 1),
+    "no snap length": (struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 0, RAW), "<IIII", 1),
+}
+
+
+@pytest.mark.parametrize(("header", "head", "scale"), FORMS.values(), ids=FORMS)
+def test_every_form_of_the_old_header_is_read(tmp_path: Path, header: bytes, head: str, scale: int) -> None:
+    path = tmp_path / "a.pcap"
+    records = [old_record(k, ip(udp(data)), head, scale) for k, data in enumerate(SENT)]
+    path.write_bytes(header + b"".join(records))
+    read = Capture(path)
+    found = list(read.datagrams())
+    assert [d.data for d in found] == SENT
+    assert [d.at_ns - BEGIN_NS for d in found] == [1_000_000 * k for k in range(8)]
+    assert not read.cut
+
+
+@pytest.mark.parametrize("kept", [1000, 96, 60, 40, 32])
+@pytest.mark.parametrize("name", ["a.pcap", "a.pcapng"])
+def test_datagrams_cut_by_the_snap_length_are_counted_and_not_given(
+    tmp_path: Path, name: str, kept: int
+) -> None:
+    frame, whole = ETHERNET_HEAD + ip(udp(bytes(1400))), ETHERNET_HEAD + ip(udp(b"one"))
+    path = tmp_path / name
+    if name == "a.pcap":
+        cut = struct.pack("<IIII", BEGIN_US // 10**6, 0, kept, len(frame)) + frame[:kept]
+        path.write_bytes(altered(OLD_HEADER, 20, "<I", ETHERNET) + old_record(0, whole) + cut)
+    else:
+        at = struct.pack("<III", 0, BEGIN_US >> 32, BEGIN_US % 2**32)
+        body = at + struct.pack("<II", kept, len(frame)) + frame[:kept]
+        good = packet(0, BEGIN_US, whole)
+        path.write_bytes(section() + interface(ETHERNET, MICRO) + good + block(PACKET, body))
     read = Capture(path)
     assert [d.data for d in read.datagrams()] == [b"one"]
-    assert says in read.cut
+    assert (read.snapped, read.snapped_bytes, read.bad, read.other, read.cut) == (1, kept, 0, 0, "")
+
+
+def test_padding_cut_off_by_the_snap_length_is_no_loss(tmp_path: Path) -> None:
+    frame = ETHERNET_HEAD + ip(udp(b"one"))
+    path = tmp_path / "a.pcap"
+    cut = struct.pack("<IIII", BEGIN_US // 10**6, 0, len(frame), 60) + frame
+    path.write_bytes(altered(OLD_HEADER, 20, "<I", ETHERNET) + cut)
+    read = Capture(path)
+    assert [d.data for d in read.datagrams()] == [b"one"]
+    assert read.snapped == 0
+
+
+def test_padding_behind_a_datagram_is_none_of_its_data(tmp_path: Path) -> None:
+    datagram = bytes(dpkt.udp.UDP(sport=1, dport=2, data=b"one" + bytes(20), ulen=11))
+    read, found = capture(tmp_path / "a.pcap", RAW, ip(datagram))
+    assert [d.data for d in found] == [b"one"]
+    assert read.bad == 0

@@ -92,7 +92,12 @@ def bench_rng() -> stream_faults.np.random.Generator:
 def explanations() -> list[Explanation]:
     """Return one of each, with its longest numbers."""
     longest = {"address": "192.168.100.100", "rows": [100, 101, 102, 103], "state": "GPRMC not valid"}
-    longest |= {"source": "PTP", "why": "the LiDAR refuses parameter 0x0006 (code 32)"}
+    longest |= {
+        "bound": "192.168.100.100",
+        "undecoded": "a Hesai LiDAR PandarXT-32",
+        "source": "PTP",
+        "why": "the LiDAR refuses parameter 0x0006 (code 32)",
+    }
     numbers = {
         "seconds": 100.0,
         "share": 1.0,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from companion.flight.sensors.diagnosis import explanation
 from companion.flight.sensors.diagnosis.azimuth_runs import longest_run
 from companion.flight.sensors.diagnosis.receive_queue import dropped_packets
 from companion.flight.sensors.diagnosis.sensor_surroundings import is_ours, is_present
@@ -41,6 +42,22 @@ def test_destinations_that_reach_this_computer() -> None:
     assert is_ours("127.0.0.1")
     assert is_ours("255.255.255.255")
     assert not is_ours("198.51.100.7")
+
+
+def test_multicasts_arrive_at_their_group_and_broadcasts_where_all_addresses_are_bound() -> None:
+    assert not is_ours("239.1.1.5")
+    assert not is_ours("239.1.1.5", "127.0.0.1")
+    assert is_ours("239.1.1.5", "239.1.1.5")
+    assert is_ours("255.255.255.255", "::")
+    assert not is_ours("255.255.255.255", "127.0.0.1")
+    assert not is_ours("127.0.0.2", "127.0.0.1")
+    assert is_ours("127.0.0.1", "127.0.0.1")
+
+
+def test_silence_at_one_address_names_the_one_where_broadcasts_arrive() -> None:
+    assert "0.0.0.0" not in explanation.silent(3.0).remedy
+    assert "use 0.0.0.0 or the group's address" in explanation.silent(3.0, "192.168.1.50").remedy
+    assert "--lidar KIND:239.1.1.5:PORT" in explanation.elsewhere("239.1.1.5").remedy
 
 
 def test_a_run_may_pass_the_seam() -> None:
