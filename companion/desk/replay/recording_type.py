@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from mcap.exceptions import McapError
-from mcap.stream_reader import StreamReader
 
 import params
 from companion.desk.replay.captures.captured_packets import CapturedPackets
 from companion.desk.replay.clouds.cloud_folder import CloudFolder
 from companion.desk.replay.clouds.stored_cloud import StoredCloud
 from companion.desk.replay.foreign_replay import Feed, Rerun
+from companion.desk.replay.ros.mcap_stream import is_bag
 from companion.desk.replay.ros.ros_feed import LEVEL_MOUNT, RosFeed
 from companion.desk.replay.telemetry.logged_vehicle import tells_fix, vehicle_of
 from companion.desk.replay.telemetry.telemetry_feed import TelemetryFeed
@@ -54,13 +53,13 @@ class RecordingOptions:
 
 
 def recording_type_of(path: Path) -> Kind:
-    """Return the type of a recording, from its name; for MCAP from the file's profile."""
+    """Return the type of a recording, from its name; for MCAP from the file's profile and schemas."""
     suffix = path.suffix.lower()
     if path.is_dir() or suffix in (".db3", ".bag"):
         return "bag"
     if suffix == ".tlog":
         return "tlog"
-    return "bag" if suffix == ".mcap" and _profile(path).startswith("ros") else "own"
+    return "bag" if suffix == ".mcap" and is_bag(path) else "own"
 
 
 def open_recording(path: Path, settings: Iterable[str], options: RecordingOptions) -> tuple[Feed, Rerun]:
@@ -130,13 +129,3 @@ def _frame(text: str) -> LocalFrame:
         return LocalFrame(lat, lon, alt)
     except ValueError:
         raise UsageError(f"--origin {text!r}: write LAT,LON,ALT in degrees and metres") from None
-
-
-def _profile(path: Path) -> str:
-    """Return the profile of an MCAP file, empty where it has none or cannot be read."""
-    try:
-        with path.open("rb") as file:
-            first = next(iter(StreamReader(file).records), None)
-            return str(getattr(first, "profile", ""))
-    except (OSError, McapError, ValueError, RuntimeError, EOFError, MemoryError):
-        return ""  # its reader will report the error

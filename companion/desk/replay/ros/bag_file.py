@@ -9,10 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from companion.desk.replay.ros import livox_message
+from companion.desk.replay.ros.mcap_stream import McapStream
 from companion.flight.sensors.decoders.point_cloud import StampedCloud, table_of
 from companion.runtime import extras
 from companion.runtime.errors import UsageError
 
+METADATA, STORED = "metadata.yaml", (".mcap", ".db3")
 CLOUD = "sensor_msgs/msg/PointCloud2"
 CLOUDS = (CLOUD, *livox_message.MESSAGES)
 # Packages of the types that are read, and of their fields.
@@ -20,7 +22,7 @@ PACKAGES = ("sensor_msgs", "nav_msgs", "geometry_msgs", "std_msgs", "builtin_int
 
 
 class BagFile:
-    """A folder, .db3, .mcap or .bag.
+    """A folder, .db3, .mcap or .bag; an .mcap that is cut off or of another profile is read to its end.
 
     Types are read as the bag defines them; where it only names a type, or its definition cannot be parsed,
     the library's own definition is used. Types of other packages are ignored.
@@ -41,10 +43,11 @@ class BagFile:
     """
 
     def __init__(self, path: Path) -> None:
-        self._path = path
+        self._path = _only_file(path)
         self.bad, self.cut = 0, ""
-        self._ros2 = path.suffix.lower() != ".bag"
+        self._ros2 = self._path.suffix.lower() != ".bag"
         with self._opened() as reader:
+            self._ros2 = self._ros2 and not getattr(reader, "ros1", False)
             self.types = {name: info.msgtype or "" for name, info in reader.topics.items() if info.msgcount}
             self._store = _store(reader.connections, self._ros2)
 
@@ -91,14 +94,48 @@ class BagFile:
         except ImportError:
             raise UsageError(extras.explain(f"{self._path} is a ROS bag", "rosbags", "ros")) from None
         try:
-            reader: Any = rosbag2.Reader(self._path) if self._ros2 else rosbag1.Reader(self._path)
+            is_bag1 = self._path.suffix.lower() == ".bag"
+            reader: Any = rosbag1.Reader(self._path) if is_bag1 else rosbag2.Reader(self._path)
             reader.open()
         except Exception as error:  # raised by YAML, SQLite, MCAP or the library
-            raise UsageError(f"{self._path}: it is no ROS bag, or damaged ({_line(error)})") from None
+            reader = self._stream(error)
         try:
             yield reader
         finally:
             reader.close()
+
+    def _stream(self, error: Exception) -> McapStream:
+        """Return the reader of an MCAP file without its index, for one at which the library fails."""
+        reader = McapStream(self._path)
+        try:
+            if self._path.suffix.lower() != ".mcap":
+                raise error
+            reader.open()
+        except Exception as why:  # raised by mcap, or the library's
+            raise UsageError(f"{self._path}: it is no ROS bag, or damaged ({_line(why)})") from None
+        return reader
+
+
+def _only_file(path: Path) -> Path:
+    """Return the file of a folder without metadata.yaml, as a loss of power leaves it; else the path.
+
+    Raises
+    ------
+    UsageError
+        There are several, or none.
+    """
+    if not path.is_dir():
+        return path
+    described = path / METADATA
+    if described.exists() and described.stat().st_size:
+        return path
+    files = sorted(one for one in path.iterdir() if one.suffix.lower() in STORED)
+    if len(files) == 1:
+        return files[0]
+    state = "is empty" if described.exists() else "is missing"
+    what = f"it holds {len(files)} files of a bag" if files else "it holds no .mcap or .db3 file"
+    way = "make it again by `ros2 bag reindex`, or name one of the files" if files else "name a bag"
+    raise UsageError(f"{path}: its {METADATA} {state}, and {what}: {way}")
 
 
 def _store(connections: Sequence[Any], ros2: bool) -> Any:

@@ -7,7 +7,9 @@ from typing import Any
 
 import pytest
 from mcap.writer import Writer
+from rosbags.typesys import Stores, get_typestore
 
+from companion.desk.replay.recording_type import recording_type_of
 from companion.desk.replay.ros.bag_file import CLOUD, BagFile
 from companion.flight.sensors.decoders.point_cloud import StampedCloud
 from companion.runtime.errors import UsageError
@@ -17,9 +19,10 @@ from tests.unit.companion.flight.sensors.decoders.test_point_cloud import AFTER,
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 STANDARD = "the library's own"
+STORE1 = get_typestore(Stores.ROS1_NOETIC)
 
 
-def write_mcap(path: Path, text: str, encoding: str = "ros2msg") -> Path:
+def write_mcap(path: Path, text: str, encoding: str = "ros2msg", profile: str = "ros2") -> Path:
     """Write a cloud, a pose and a message of another program, with so much of a definition of each."""
     good: dict[str, Any] = {
         CLOUD: flights.cloud(POINTS, AFTER, BEGIN_NS),
@@ -27,7 +30,7 @@ def write_mcap(path: Path, text: str, encoding: str = "ros2msg") -> Path:
     }
     with path.open("wb") as file:
         writer = Writer(file)
-        writer.start(profile="ros2", library="test")
+        writer.start(profile=profile, library="test")
         for topic, kind in (("/points", CLOUD), ("/odom", ODOMETRY), ("/status", "maker_msgs/msg/Status")):
             known = kind in good and text == STANDARD
             data = STORE.generate_msgdef(kind, ros_version=2)[0] if known else text.format(kind)
@@ -72,5 +75,113 @@ def test_a_legible_definition_that_is_another_s_makes_its_messages_unreadable(tm
 def test_a_file_that_is_no_bag_is_one_line(tmp_path: Path) -> None:
     path = tmp_path / "flight.bag"
     path.write_bytes(b"#ROSBAG V2.0\n")
+    with pytest.raises(UsageError, match="it is no ROS bag, or damaged"):
+        BagFile(path)
+
+
+# ---- bags as tools and power losses leave them -----------------------------------------------------------
+
+
+def many(path: Path, profile: str = "ros2", ros1: bool = False) -> Path:
+    """Write 40 poses in chunks of one message each."""
+    kind = ODOMETRY.replace("/msg/", "/") if ros1 else ODOMETRY
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=1)
+        writer.start(profile=profile, library="test")
+        text = STORE1.generate_msgdef(ODOMETRY, ros_version=1)[0] if ros1 else ""
+        schema = writer.register_schema(kind, "ros1msg" if ros1 else "ros2msg", text.encode())
+        channel = writer.register_channel("/odom", "ros1" if ros1 else "cdr", schema)
+        for k in range(40):
+            raw = bytes(STORE.serialize_cdr(flights.pose(ODOMETRY, k * 1_000_000), ODOMETRY))
+            if ros1:
+                raw = bytes(STORE.cdr_to_ros1(raw, ODOMETRY))
+            writer.add_message(channel, BEGIN_NS + k, raw, BEGIN_NS + k)
+        writer.finish()
+    return path
+
+
+def times(bag: BagFile) -> list[int]:
+    return [at_ns - BEGIN_NS for at_ns, *_ in bag.messages(("/odom",))]
+
+
+@pytest.mark.parametrize("profile", ["", "cameras", "ros2"])
+@pytest.mark.parametrize("encoding", ["ros2msg", ""])
+def test_schemas_and_encodings_tell_a_bag_whatever_its_profile(
+    tmp_path: Path, profile: str, encoding: str
+) -> None:
+    text = STANDARD if encoding else ""
+    path = write_mcap(tmp_path / "flight.mcap", text, encoding, profile)
+    assert recording_type_of(path) == "bag"
+    bag = BagFile(path)
+    assert bag.types == {"/points": CLOUD, "/odom": ODOMETRY, "/status": "maker_msgs/msg/Status"}
+    (_, _, _, cloud), (_, _, _, pose) = bag.messages(("/points", "/odom"))
+    assert cloud.table["t"].tolist() == AFTER[::-1].tolist()
+    assert pose.pose.pose.position.z == pytest.approx(22.0)
+    assert (bag.bad, bag.cut) == (0, "")
+
+
+def test_messages_of_ros_1_in_an_mcap_are_read(tmp_path: Path) -> None:
+    path = many(tmp_path / "flight.mcap", "ros1", ros1=True)
+    assert recording_type_of(path) == "bag"
+    bag = BagFile(path)
+    assert bag.types == {"/odom": ODOMETRY}
+    assert times(bag) == list(range(40))
+    assert (bag.bad, bag.cut) == (0, "")
+
+
+@pytest.mark.parametrize("profile", ["", "ros2"])
+@pytest.mark.parametrize("share", [0.25, 0.4, 0.55])
+def test_a_bag_that_is_cut_off_is_read_up_to_its_end(tmp_path: Path, profile: str, share: float) -> None:
+    path = many(tmp_path / "flight.mcap", profile)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(len(whole) * share)])
+    assert recording_type_of(path) == "bag"
+    bag = BagFile(path)
+    found = times(bag)
+    assert 5 < len(found) < 40
+    assert found == list(range(len(found)))
+    assert "it ends in the middle, as after a loss of power" in bag.cut
+
+
+def test_a_damaged_chunk_of_a_bag_that_is_cut_off_costs_itself_alone(tmp_path: Path) -> None:
+    path = many(tmp_path / "flight.mcap")
+    data = bytearray(path.read_bytes()[:-60])
+    raw = bytes(STORE.serialize_cdr(flights.pose(ODOMETRY, 7_000_000), ODOMETRY))
+    at = data.find(raw[100:200])
+    if at < 0:  # compressed: any byte of the middle of the eighth chunk
+        at = data.find(b"zstd", 700) + 40
+    data[at] ^= 0xFF
+    path.write_bytes(data)
+    bag = BagFile(path)
+    assert len(times(bag)) == 39
+    assert "1 of its chunks are damaged" in bag.cut or "ends in the middle" in bag.cut
+
+
+@pytest.mark.parametrize("described", [None, ""])
+def test_a_folder_without_a_description_and_with_one_file_is_that_file(
+    tmp_path: Path, described: str | None
+) -> None:
+    many(tmp_path / "flight_0.mcap")
+    if described is not None:
+        (tmp_path / "metadata.yaml").write_text(described)
+    assert recording_type_of(tmp_path) == "bag"
+    assert times(BagFile(tmp_path)) == list(range(40))
+
+
+def test_a_folder_without_a_description_and_with_several_files_or_none_says_what_to_do(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(UsageError, match=r"metadata\.yaml is missing, and it holds no \.mcap or \.db3 file"):
+        BagFile(tmp_path)
+    for k in range(2):
+        many(tmp_path / f"flight_{k}.mcap")
+    with pytest.raises(UsageError, match="it holds 2 files of a bag: make it again by `ros2 bag reindex`"):
+        BagFile(tmp_path)
+
+
+@pytest.mark.parametrize("data", [b"", b"no MCAP", b"\x89MCAP0\r\n"])
+def test_a_file_that_is_none_is_refused_in_one_line(tmp_path: Path, data: bytes) -> None:
+    path = tmp_path / "flight.mcap"
+    path.write_bytes(data)
     with pytest.raises(UsageError, match="it is no ROS bag, or damaged"):
         BagFile(path)
