@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from typing import Annotated, NoReturn, cast
 
@@ -60,7 +61,10 @@ def main() -> None:
     """Run the command line; every expected error ends in one line and exit code 1 or 2.
 
     SIGINT and SIGTERM end every command with one line and exit code 130 or 143, except a flight of `slz run`.
+    A character that the terminal's encoding lacks is shown as a question mark.
     """
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")  # stderr escapes such characters already
     interrupts = Interrupts()
     with interrupts.installed():
         try:

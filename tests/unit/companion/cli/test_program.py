@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import logging
 import re
@@ -57,6 +58,15 @@ def refusal(capfd: Capture, *words: str) -> str:
 
 
 # ---- any command ---------------------------------------------------------------------------------------
+
+
+def test_a_terminal_without_some_characters_shows_question_marks(monkeypatch: pytest.MonkeyPatch) -> None:
+    out = io.TextIOWrapper(io.BytesIO(), encoding="ascii")
+    monkeypatch.setattr(sys, "stdout", out)
+    monkeypatch.setattr(program, "app", lambda *_, **__: print("12 m², 3°"))
+    assert ended("map") == 0
+    out.flush()
+    assert out.buffer.getvalue() == b"12 m?, 3?\n"  # type: ignore[attr-defined]
 
 
 def test_kernels_that_no_folder_takes_are_one_line(monkeypatch: pytest.MonkeyPatch, capfd: Capture) -> None:
