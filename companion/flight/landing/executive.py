@@ -279,7 +279,7 @@ class Executive:
         elif self.state.auto and s.guided and self.state.hand_over.given:
             say(Severity.WARNING, f"{how} in flight: going on")
         else:
-            say(Severity.WARNING, f"{how} in flight, {s.mode}: hand over again")
+            self.state.call_for_hand_over(how, s)
 
     def change_frame(self, moved: Callable[[Vector], Vector]) -> None:
         """Convert stored positions to another map frame; `moved` maps a point to it."""

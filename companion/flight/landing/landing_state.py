@@ -104,6 +104,14 @@ class LandingState:
         self.say(Severity.CRITICAL, f"{trouble}: take over")
         self.late_ns = s.now_ns + STUCK_NS
 
+    def call_for_hand_over(self, event: str, s: Situation) -> None:
+        """Tell what hands over after an event: where the guided mode is on, setting it changes nothing."""
+        if s.guided and self.auto:
+            text = f"{event}: leave {s.mode}, set it again"
+        else:
+            text = f"{event}, {s.mode}: order again" if s.guided else f"{event}, {s.mode}: hand over again"
+        self.say(Severity.WARNING, text)
+
     def collect_texts(self) -> tuple[tuple[Severity, str], ...]:
         """Return the texts since the last call."""
         texts, self._texts = tuple(self._texts), []

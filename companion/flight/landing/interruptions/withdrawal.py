@@ -75,7 +75,7 @@ class Withdrawal:
         elif self._calm_since_ns is None:
             self._calm_since_ns = s.now_ns
         elif s.now_ns - self._calm_since_ns > CALM_NS:
-            state.say(Severity.WARNING, f"failsafe over, {s.mode} flies: hand over again")
+            state.call_for_hand_over("failsafe over", s)
             state.told_to_hand_over_ns = s.now_ns
             state.rest(Phase.IDLE, s)
         return VehicleCommands()

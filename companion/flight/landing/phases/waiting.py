@@ -84,7 +84,7 @@ class Waiting:
             state.told_to_hand_over_ns = None
         elif told_ns is None or s.now_ns - told_ns > TELL_AGAIN_NS:
             state.told_to_hand_over_ns = s.now_ns
-            state.say(Severity.WARNING, f"{s.mode} without a hand-over: hand over again")
+            state.call_for_hand_over("no hand-over", s)
 
     def _stands(self, s: Situation) -> bool:
         """Return whether the vehicle has stood where it landed since then, and was not armed again."""

@@ -138,7 +138,7 @@ class Flight:
             now_ns=self.now_ns,
             connected=self.connected,
             armed=self.armed,
-            guided=self.mode == "GUIDED",
+            guided=self.mode in ("GUIDED", "OFFBOARD"),
             landing=self.mode == "LAND",
             mode=self.mode,
             on_ground=bool(self.position[2] < 0.05),

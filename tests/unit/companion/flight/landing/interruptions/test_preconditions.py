@@ -331,11 +331,34 @@ def test_after_a_failsafe_nothing_begins_without_a_new_hand_over() -> None:
     flight.mode, flight.failsafe = "GUIDED", False
     flight.run(20)
     assert flight.executive.phase is Phase.IDLE
-    assert flight.texts[-1] == "SLZ: failsafe over, GUIDED flies: hand over again"
+    assert flight.texts[-1] == "SLZ: failsafe over: leave GUIDED, set it again"
     flight.mode = "LOITER"
     flight.run(2)
     flight.mode = "GUIDED"
     flight.fly_to(Phase.SURVEY)
+
+
+@pytest.mark.parametrize(
+    ("auto", "mode", "told"),
+    [
+        (True, "OFFBOARD", "failsafe over: leave OFFBOARD, set it again"),
+        (False, "OFFBOARD", "failsafe over, OFFBOARD: order again"),
+        (True, "AUTO.PRECLAND", "failsafe over, AUTO.PRECLAND: hand over again"),
+        (False, "AUTO.LOITER", "failsafe over, AUTO.LOITER: hand over again"),
+    ],
+)
+def test_after_a_failsafe_the_pilot_is_told_what_hands_over_in_this_mode(
+    auto: bool, mode: str, told: str
+) -> None:
+    flight = Flight([zone(1, 20, 0)], auto=auto).run(2)
+    flight.executive.land_at_best(flight.situation())
+    flight.run(2)
+    flight.mode, flight.failsafe = "AUTO.LOITER", True
+    flight.run(5)
+    flight.mode, flight.failsafe = mode, False
+    flight.run(5)
+    assert flight.texts[-1] == f"SLZ: {told}"
+    assert len(flight.texts[-1]) <= 50
 
 
 def test_an_order_of_the_operator_hands_over_again() -> None:
@@ -372,7 +395,7 @@ def test_a_guided_mode_that_comes_back_by_itself_is_told_each_half_minute() -> N
     flight.mode, flight.failsafe = "GUIDED", False
     flight.run(70)
     assert flight.executive.phase is Phase.IDLE
-    assert flight.texts.count("SLZ: GUIDED without a hand-over: hand over again") == 3
+    assert flight.texts.count("SLZ: no hand-over: leave GUIDED, set it again") == 3
     flight.mode = "LOITER"
     flight.run(1)
     flight.mode = "GUIDED"
@@ -505,7 +528,7 @@ def test_a_vtol_that_flies_on_its_wing_is_left_alone_until_it_is_handed_over_aga
     flight.run(10)
     assert silent_since(flight, first)
     assert "SLZ: VTOL hovers: it may be commanded" in flight.texts
-    assert f"SLZ: {flight.mode} without a hand-over: hand over again" in flight.texts
+    assert f"SLZ: no hand-over: leave {flight.mode}, set it again" in flight.texts
 
 
 def test_a_state_unknown_for_a_moment_after_an_outage_ends_no_landing() -> None:
