@@ -17,6 +17,7 @@ from sitl.autopilot.aiding.ekf2_aiding import Ekf2Aiding
 from sitl.autopilot.cascade_control import VelocityLoop, attitude_for, rate_command
 from sitl.autopilot.commands import Commands
 from sitl.autopilot.failsafe import PERIOD_NS, Failsafes
+from sitl.autopilot.mission_items import MissionServer
 from sitl.autopilot.modes import NEEDS_POSITION, PILOTED, Mode, Navigator
 from sitl.autopilot.parameters import with_defaults
 from sitl.autopilot.position_aiding import PositionAiding
@@ -39,7 +40,7 @@ MAX_TURN_RAD_S = math.radians(60.0)
 MAX_LEAN_RAD = math.radians(20.0)
 FULL_V, EMPTY_V = 16.8, 14.0
 OUTER_LOOP_NS = 10_000_000
-AVOID_PROXIMITY = 2
+AVOID_FENCE, AVOID_PROXIMITY = 1, 2
 LANDED_NS = 2_500_000_000  # ArduCopter SITL: 2.5 to 2.6 s from touchdown to disarmed
 RANGEFINDER_NS = 500_000_000
 
@@ -89,7 +90,8 @@ class Autopilot:
         self.rally = Rally(self)
         self.failsafes = Failsafes(self)
         self.telemetry = Telemetry(self, self.failsafes)
-        self.commands = Commands(self, self.telemetry, self.failsafes, self.rally)
+        self.missions = MissionServer(self, self.rally, self.failsafes.fence.items)
+        self.commands = Commands(self, self.telemetry, self.failsafes, self.missions)
         self.faults = 0
         """Number of messages that raised an exception in a handler and were dropped."""
         self.mode_changes: list[tuple[int, str]] = []
@@ -192,7 +194,7 @@ class Autopilot:
         if self._now_ns < self._silent_until_ns:
             return []
         self.telemetry.emit(self._now_ns)
-        self.rally.on_tick(self._now_ns)
+        self.missions.on_tick(self._now_ns)
         out = list(self._outgoing)
         self._outgoing.clear()
         return out
@@ -285,7 +287,9 @@ class Autopilot:
         self.boot_offset_ns = -self._now_ns
         self.precland = self.navigator.precland = PrecisionLanding()
         self.proximity = Proximity()
+        items = self.failsafes.fence.items  # stored for good
         self.failsafes = Failsafes(self)
+        self.failsafes.fence.items = items
         self.rangefinder = None
         self.aiding.restart()
         self.wind.restart()
@@ -396,7 +400,7 @@ class Autopilot:
             self.disarm()
 
     def _avoid(self, velocity: F64, estimate: State) -> F64:
-        """Limit a GUIDED velocity before obstacles; a GUIDED position target flies through them."""
+        """Limit a GUIDED velocity before fence and obstacles; a GUIDED position target flies through them."""
         p, guided = self.parameters, self.navigator.guided
         if (
             self.mode is not Mode.GUIDED
@@ -404,6 +408,9 @@ class Autopilot:
             or guided.position_enu_m is not None
         ):
             return velocity
+        if int(p["AVOID_ENABLE"]) & AVOID_FENCE:
+            home = self.navigator.home_enu_m
+            velocity = self.failsafes.fence.limited(velocity, estimate.pos_enu_m, home)
         if p["PRX1_TYPE"] != 2 or not int(p["AVOID_ENABLE"]) & AVOID_PROXIMITY:
             return velocity
         yaw_rad = to_euler(estimate.quat_wxyz)[2]

@@ -12,9 +12,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.autopilot_view import AutopilotView
 from sitl.autopilot.failsafe import Failsafes
+from sitl.autopilot.mission_items import MissionServer
 from sitl.autopilot.modes import GuidedTarget, Mode
 from sitl.autopilot.parameters import in_range
-from sitl.autopilot.rally import Rally
 from sitl.autopilot.telemetry import Telemetry
 from sitl.vehicle.rigid_body import rotate, to_euler
 
@@ -88,7 +88,7 @@ class Commands:
     """Dispatcher of messages to the autopilot."""
 
     def __init__(
-        self, autopilot: AutopilotView, telemetry: Telemetry, failsafes: Failsafes, rally: Rally
+        self, autopilot: AutopilotView, telemetry: Telemetry, failsafes: Failsafes, missions: MissionServer
     ) -> None:
         self._ap, self._telemetry, self._failsafes = autopilot, telemetry, failsafes
         self._messages: dict[str, Callable[[Any, int], None]] = {
@@ -110,7 +110,7 @@ class Commands:
             "PARAM_REQUEST_LIST": self._param_list,
             "PARAM_REQUEST_READ": self._param_read,
             "PARAM_SET": self._param_set,
-            **rally.handlers,
+            **missions.handlers,
             "REQUEST_DATA_STREAM": self._data_stream,
         }
         self._commands: dict[int, Callable[[Params, int], int]] = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.autopilot_view import AutopilotView
-from sitl.autopilot.fence import Fence, names
+from sitl.autopilot.fence import Fence, FenceItems, names
 from sitl.autopilot.modes import NEEDS_POSITION, Mode
 
 WARNING, CRITICAL = mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_CRITICAL
@@ -29,7 +29,7 @@ class Failsafes:
 
     def __init__(self, autopilot: AutopilotView) -> None:
         self._ap = autopilot
-        self.fence = Fence(autopilot.parameters)
+        self.fence = Fence(autopilot.parameters, FenceItems(autopilot))
         self.radio = self.ground_station = self.battery = self.ekf = False
         self.in_charge = False
         self.station_heard_ns: int | None = None
@@ -107,8 +107,9 @@ class Failsafes:
         ap = self._ap
         if ap.estimate is None:
             return
-        from_home_enu_m = ap.estimate.pos_enu_m - ap.navigator.home_enu_m
-        new = self.fence.check(from_home_enu_m, ap.now_ns, ap.boot_ns // 1_000_000)
+        landing = ap.mode is Mode.LAND or not ap.airborne
+        position, home = ap.estimate.pos_enu_m, ap.navigator.home_enu_m
+        new = self.fence.check(position, home, ap.now_ns, ap.boot_ns // 1_000_000, landing=landing)
         if not new or not ap.airborne:
             return
         ap.send_text(f"{names(new)} fence breached", mavlink.MAV_SEVERITY_NOTICE)

@@ -23,9 +23,15 @@ DEFAULTS: dict[str, float] = {
     "EK3_DRAG_MCOEF": 0.23,  # 1/s, of its vehicle, 8 % too low; ArduCopter's default 0 estimates no wind
     "FENCE_ACTION": 1,  # 0 reports, 1 returns or lands, 2 lands
     "FENCE_ALT_MAX": 100,
+    "FENCE_ALT_MIN": -10,
+    "FENCE_AUTOENABLE": 0,
     "FENCE_ENABLE": 0,
+    "FENCE_MARGIN": 2,
+    "FENCE_MARGIN_XY": 0,
+    "FENCE_OPTIONS": 0,  # 2 unites the areas of inclusion
     "FENCE_RADIUS": 300,
-    "FENCE_TYPE": 3,  # 1 ceiling, 2 circle
+    "FENCE_TOTAL": 0,
+    "FENCE_TYPE": 7,  # 1 ceiling, 2 circle, 4 areas, 8 floor
     "FRAME_CLASS": 1,
     "FRAME_TYPE": 1,
     "FS_GCS_ENABLE": 0,
@@ -79,8 +85,9 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "EK3_DRAG_MCOEF": (0, 1),
     "FENCE_ACTION": (0, 2),
     "FENCE_ALT_MAX": (10, 1000),
-    "FENCE_RADIUS": (30, 10_000),
-    "FENCE_TYPE": (0, 3),
+    "FENCE_ALT_MIN": (-100, 100),
+    "FENCE_RADIUS": (0, 10_000),
+    "FENCE_TYPE": (0, 15),
     "FS_GCS_ENABLE": (0, 1),
     "FS_GCS_TIMEOUT": (2, 120),
     "FS_THR_ENABLE": (0, 1),

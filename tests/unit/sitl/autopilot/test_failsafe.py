@@ -272,7 +272,7 @@ def test_leaving_the_fence_returns_the_vehicle_and_is_no_critical_state(
 
 
 def test_within_the_fence_again_the_breach_is_over() -> None:
-    bench = flying({"FENCE_ENABLE": 1, "FENCE_RADIUS": 3, "RTL_ALT": 800})
+    bench = flying({"AVOID_ENABLE": 0, "FENCE_ENABLE": 1, "FENCE_RADIUS": 3, "RTL_ALT": 800})
     bench.run(3, lambda: bench.velocity(3, 0, 0))
     assert mode(bench) == "RTL"
     bench.run(16)
@@ -282,8 +282,9 @@ def test_within_the_fence_again_the_breach_is_over() -> None:
 
 
 def test_a_mode_set_outside_the_fence_is_left_to_the_pilot() -> None:
-    bench = flying({"FENCE_ENABLE": 1, "FENCE_RADIUS": 3})
+    bench = flying({"AVOID_ENABLE": 0, "FENCE_ENABLE": 1, "FENCE_RADIUS": 3})
     bench.run(3, lambda: bench.velocity(3, 0, 0))
+    assert mode(bench) == "RTL"
     assert bench.command(mavlink.MAV_CMD_DO_SET_MODE, 1, Mode.LOITER) == 0
     assert mode(bench.run(5)) == "LOITER"
 

@@ -51,7 +51,7 @@ def test_points_are_written_in_whole_metres_and_read_back_and_cleared() -> None:
     back = tell(bench, mavlink.MAVLink_mission_request_int_message(1, 1, 1, RALLY))[0]
     assert (back.get_type(), back.seq, back.frame, back.z) == ("MISSION_ITEM_INT", 1, 3, 20.0)
     tell(bench, mavlink.MAVLink_mission_clear_all_message(1, 1, RALLY))
-    assert bench.autopilot.rally.points == []
+    assert bench.autopilot.rally.items == []
 
 
 def test_an_item_that_does_not_come_is_asked_for_again_and_given_up_in_the_end() -> None:

@@ -1,0 +1,231 @@
+"""Vehicle side of the mission protocol, like ArduCopter's: items of one kind, listed, written and cleared."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl.autopilot.autopilot_view import AutopilotView
+
+REPEAT_NS = 1_000_000_000
+GIVE_UP_NS = 8_000_000_000
+RELATIVE_FRAMES = (mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
+GLOBAL_FRAMES = (*RELATIVE_FRAMES, mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT)
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """Stored item; altitudes are whole metres."""
+
+    command: int
+    value: float
+    lat_e7: int
+    lon_e7: int
+    alt_m: int
+    relative: bool
+
+
+@dataclass(slots=True)
+class Receipt:
+    """Upload in progress: its sender, number of items, and time of the last request."""
+
+    link: int
+    sender: tuple[int, int]
+    count: int
+    asked_ns: int
+    heard_ns: int
+    items: list[Item] = field(default_factory=list)
+
+
+class MissionItems(ABC):
+    """Server of items; requests uploads with MISSION_REQUEST, item by item.
+
+    Attributes
+    ----------
+    kind, room, total
+        MAV_MISSION_TYPE, greatest number of items, and the parameter that counts them.
+    replaces_at_end
+        Whether an upload replaces the items when it is complete, instead of one by one.
+    items
+        Stored items.
+    """
+
+    kind: int
+    room: int
+    total: str
+    replaces_at_end: bool
+
+    def __init__(self, autopilot: AutopilotView) -> None:
+        self._ap = autopilot
+        self._receipt: Receipt | None = None
+        self.items: list[Item] = []
+
+    @abstractmethod
+    def _fault(self, message: Any) -> int:
+        """Return the MAV_MISSION_RESULT for an item, 0 for a valid one."""
+
+    def _are_valid(self, items: list[Item]) -> bool:
+        """Return whether the items of an upload make sense together."""
+        return True
+
+    def on_tick(self, now_ns: int) -> None:
+        """Repeat the request for a missing item, and give up in the end."""
+        receipt = self._receipt
+        if receipt is None or now_ns - receipt.asked_ns < REPEAT_NS:
+            return
+        if now_ns - receipt.heard_ns >= GIVE_UP_NS:
+            self._receipt = None
+            self._ack(receipt.sender, receipt.link, mavlink.MAV_MISSION_OPERATION_CANCELLED)
+            return
+        self._ask(receipt)
+
+    def on_list(self, message: Any, link: int) -> None:
+        """Answer MISSION_REQUEST_LIST."""
+        self._ap.send(
+            mavlink.MAVLink_mission_count_message(*_sender(message), len(self.items), self.kind), link
+        )
+
+    def on_request(self, message: Any, link: int) -> None:
+        """Answer MISSION_REQUEST and MISSION_REQUEST_INT."""
+        if message.seq >= len(self.items):
+            self._ack(_sender(message), link, mavlink.MAV_MISSION_INVALID_SEQUENCE)
+            return
+        p = self.items[message.seq]
+        frame = RELATIVE_FRAMES[0] if p.relative else mavlink.MAV_FRAME_GLOBAL
+        self._ap.send(
+            mavlink.MAVLink_mission_item_int_message(
+                *_sender(message), message.seq, frame, p.command, 0, 1, p.value, 0, 0, 0,
+                p.lat_e7, p.lon_e7, float(p.alt_m), self.kind,
+            ),
+            link,
+        )  # fmt: skip
+
+    def on_count(self, message: Any, link: int) -> None:
+        """Begin an upload, or clear the items."""
+        sender = _sender(message)
+        if self._receipt is not None and self._receipt.sender != sender:
+            self._ack(sender, link, mavlink.MAV_MISSION_DENIED)
+        elif message.count > self.room:
+            self._ack(sender, link, mavlink.MAV_MISSION_NO_SPACE)
+        elif message.count == 0:
+            self._store([])
+            self._ack(sender, link, mavlink.MAV_MISSION_ACCEPTED)
+        else:
+            if not self.replaces_at_end:
+                self._store(self.items[: message.count])
+            now_ns = self._ap.now_ns
+            self._receipt = Receipt(link, sender, message.count, now_ns, now_ns)
+            self._ask(self._receipt)
+
+    def on_item(self, message: Any, link: int) -> None:
+        """Take an item of the upload in progress."""
+        receipt = self._receipt
+        if receipt is None or receipt.sender != _sender(message) or message.seq != len(receipt.items):
+            return
+        fault = self._fault(message)
+        if fault:
+            self._receipt = None
+            self._ack(receipt.sender, link, fault)
+            return
+        relative = message.frame in RELATIVE_FRAMES
+        receipt.items.append(
+            Item(message.command, message.param1, message.x, message.y, int(message.z), relative)
+        )
+        receipt.heard_ns = self._ap.now_ns
+        complete = len(receipt.items) == receipt.count
+        valid = not complete or self._are_valid(receipt.items)
+        if not self.replaces_at_end:
+            self._store([*receipt.items, *self.items[len(receipt.items) :]])
+        elif complete and valid:
+            self._store(receipt.items)
+        if complete:
+            self._receipt = None
+            accepted, error = mavlink.MAV_MISSION_ACCEPTED, mavlink.MAV_MISSION_ERROR
+            self._ack(receipt.sender, link, accepted if valid else error)
+        else:
+            self._ask(receipt)
+
+    def on_clear(self, message: Any, link: int) -> None:
+        """Clear the items."""
+        self._store([])
+        self._ack(_sender(message), link, mavlink.MAV_MISSION_ACCEPTED)
+
+    def _store(self, items: list[Item]) -> None:
+        self.items = items
+        self._ap.parameters[self.total] = float(len(items))
+
+    def _ask(self, receipt: Receipt) -> None:
+        receipt.asked_ns = self._ap.now_ns
+        number = len(receipt.items)
+        self._ap.send(
+            mavlink.MAVLink_mission_request_message(*receipt.sender, number, self.kind), receipt.link
+        )
+
+    def _ack(self, to: tuple[int, int], link: int, result: int) -> None:
+        self._ap.send(mavlink.MAVLink_mission_ack_message(*to, result, self.kind), link)
+
+
+class MissionServer:
+    """Hands messages of the mission protocol to the items of their kind; other kinds are empty."""
+
+    def __init__(self, autopilot: AutopilotView, *kinds: MissionItems) -> None:
+        self._ap = autopilot
+        self._kinds = {items.kind: items for items in kinds}
+        self.handlers: dict[str, Callable[[Any, int], None]] = {
+            "MISSION_REQUEST_LIST": lambda m, link: self._to(m, link, MissionItems.on_list),
+            "MISSION_REQUEST": lambda m, link: self._to(m, link, MissionItems.on_request),
+            "MISSION_REQUEST_INT": lambda m, link: self._to(m, link, MissionItems.on_request),
+            "MISSION_COUNT": lambda m, link: self._to(m, link, MissionItems.on_count),
+            "MISSION_ITEM_INT": lambda m, link: self._to(m, link, MissionItems.on_item),
+            "MISSION_CLEAR_ALL": self._clear,
+        }
+
+    def on_tick(self, now_ns: int) -> None:
+        """Repeat requests."""
+        for items in self._kinds.values():
+            items.on_tick(now_ns)
+
+    def _to(self, message: Any, link: int, handle: Callable[[MissionItems, Any, int], None]) -> None:
+        items = self._kinds.get(message.mission_type)
+        if items is not None:
+            handle(items, message, link)
+        elif message.get_type() == "MISSION_REQUEST_LIST":
+            to = _sender(message)
+            self._ap.send(mavlink.MAVLink_mission_count_message(*to, 0, message.mission_type), link)
+        elif message.get_type() != "MISSION_ITEM_INT":
+            result = {
+                "MISSION_COUNT": mavlink.MAV_MISSION_UNSUPPORTED,
+            }.get(message.get_type(), mavlink.MAV_MISSION_INVALID_SEQUENCE)
+            self._ap.send(
+                mavlink.MAVLink_mission_ack_message(*_sender(message), result, message.mission_type), link
+            )
+
+    def _clear(self, message: Any, link: int) -> None:
+        kinds = list(self._kinds.values())
+        if message.mission_type != mavlink.MAV_MISSION_TYPE_ALL:
+            kinds = [items for items in kinds if items.kind == message.mission_type]
+        for items in kinds:
+            items.on_clear(message, link)
+        if not kinds:
+            accepted = mavlink.MAV_MISSION_ACCEPTED
+            ack = mavlink.MAVLink_mission_ack_message(*_sender(message), accepted, message.mission_type)
+            self._ap.send(ack, link)
+
+
+def place_fault(message: Any) -> int:
+    """Return the MAV_MISSION_RESULT for an item's frame and place."""
+    if message.frame not in GLOBAL_FRAMES:
+        return int(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
+    if not (math.isfinite(message.z) and abs(message.z) < 32_768):
+        return int(mavlink.MAV_MISSION_INVALID)
+    on_earth = abs(message.x) <= 900_000_000 and abs(message.y) <= 1_800_000_000
+    return 0 if on_earth else int(mavlink.MAV_MISSION_INVALID)
+
+
+def _sender(message: Any) -> tuple[int, int]:
+    return message.get_srcSystem(), message.get_srcComponent()
