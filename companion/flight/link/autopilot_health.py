@@ -49,6 +49,8 @@ class Health:
         GPS_FIX_TYPE of the first receiver, and whether it ever had a 3D fix.
     breached
         Whether the vehicle is outside its fence.
+    fenced
+        Whether SYS_STATUS reports the fence as enabled; a command or a switch may do so.
     alarm, alarm_ns
         Newest text of the autopilot of severity WARNING or worse except "target lost", and its arrival.
     target_lost_ns
@@ -66,6 +68,7 @@ class Health:
     fix: int | None = None
     had_fix: bool = False
     breached: bool = False
+    fenced: bool = False
     alarm: str = ""
     alarm_ns: int = 0
     target_lost_ns: int | None = None
@@ -112,7 +115,8 @@ def _estimator(health: Health, m: Any, now_ns: int) -> Health:
 
 def _sys_status(health: Health, m: Any, now_ns: int) -> Health:
     enabled = m.onboard_control_sensors_present & m.onboard_control_sensors_enabled
-    return replace(health, unhealthy=enabled & ~m.onboard_control_sensors_health)
+    fenced = bool(enabled & mavlink.MAV_SYS_STATUS_GEOFENCE)
+    return replace(health, unhealthy=enabled & ~m.onboard_control_sensors_health, fenced=fenced)
 
 
 def _gps(health: Health, m: Any, now_ns: int) -> Health:

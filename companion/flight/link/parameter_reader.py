@@ -24,6 +24,14 @@ _BYTES = {
 }
 
 
+def parameter_value(message: Any, bytewise: bool) -> float:
+    """Return the value of a PARAM_VALUE; bytewise: integers are sent by their bytes, as PX4 does."""
+    if bytewise and message.param_type in _BYTES:
+        raw = struct.pack("<f", message.param_value)
+        return float(struct.unpack(_BYTES[message.param_type], raw)[0])
+    return float(message.param_value)
+
+
 class ParameterReader:
     """Reader that requests parameters one by one and stores their values.
 
@@ -83,10 +91,7 @@ class ParameterReader:
             if message.error == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST:
                 self.absent.add(name)
             return
-        value = float(message.param_value)
-        if self._bytewise and message.param_type in _BYTES:
-            raw = struct.pack("<f", message.param_value)
-            value = float(struct.unpack(_BYTES[message.param_type], raw)[0])
+        value = parameter_value(message, self._bytewise)
         if math.isfinite(value):
             self.values[name] = value
             self.absent.discard(name)

@@ -15,7 +15,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.link.mission_protocol import HIGHEST_M, Download, RallyPoint, Transfer, Upload
+from companion.flight.geometry.geofence import NO_FENCE, Geofence
+from companion.flight.link.mission_protocol import HIGHEST_M, RallyDownload, RallyPoint, Transfer, Upload
 from companion.flight.link.vehicle_state import VehicleState
 from params import Parameters
 from slz import Report, Zone
@@ -42,8 +43,10 @@ TRANSFERS = frozenset(
 )  # fmt: skip
 
 
-def best_points(report: Report, vehicle: VehicleState, parameters: Parameters) -> tuple[RallyPoint, ...]:
-    """Return the rally points of a report: its best near zones, certain and within reach of the vehicle.
+def best_points(
+    report: Report, vehicle: VehicleState, parameters: Parameters, fence: Geofence = NO_FENCE
+) -> tuple[RallyPoint, ...]:
+    """Return the rally points of a report: its best near zones, certain, within reach and inside the fence.
 
     Without such a zone, the zones of the survey prior are used. Zones that need a confirmation are left out:
     nobody is asked when the autopilot returns.
@@ -53,9 +56,11 @@ def best_points(report: Report, vehicle: VehicleState, parameters: Parameters) -
     lat, lon, alt = vehicle.position_lla
     here = (round(lat * 1e7), round(lon * 1e7))
     home_m = alt - vehicle.relative_alt_m
-    found = _points(report, report.near.zones, parameters.min_certainty, here, home_m, parameters)
+    inside = [zone for zone in report.near.zones if fence.holds(zone.best.enu_m)]
+    found = _points(report, inside, parameters.min_certainty, here, home_m, parameters)
     if not found and report.prior is not None:
-        found = _points(report, report.prior.zones, 0.0, here, home_m, parameters)
+        inside = [zone for zone in report.prior.zones if fence.holds(zone.best.enu_m)]
+        found = _points(report, inside, 0.0, here, home_m, parameters)
     return found
 
 
@@ -154,7 +159,7 @@ class Rally:
             if wanted is None or not self._calls_for(wanted, now_ns):
                 return []
             self._goal = wanted
-            self._transfer = Download(vehicle, *us)
+            self._transfer = RallyDownload(vehicle, *us)
         out = self._transfer.poll(now_ns)
         return out + self._go_on(now_ns, vehicle, us)
 
@@ -191,12 +196,12 @@ class Rally:
         if transfer.outcome != "done":
             return self._failed(transfer, now_ns)
         self._pause_ns = PAUSE_NS
-        if not isinstance(transfer, Download):
+        if not isinstance(transfer, RallyDownload):
             self.uploads += 1
             self._owed = ()
             self._settled(now_ns)
             return []
-        points = tuple(transfer.points)
+        points = tuple(transfer.items)
         found = tuple(p for p in points if not any(_same(p, own) for own in self.ours))
         left = tuple(p for p in points if p not in found)
         lost = tuple(p for p in self._owed if not any(_same(p, other) for other in found))
@@ -222,7 +227,7 @@ class Rally:
             self._owed = self.foreign
         self._next_ns = now_ns + self._pause_ns
         self._pause_ns = min(2 * self._pause_ns, LONGEST_PAUSE_NS)
-        what = "reading" if isinstance(transfer, Download) else "writing"
+        what = "reading" if isinstance(transfer, RallyDownload) else "writing"
         log.warning("%s rally points: %s (%d)", what, transfer.outcome, transfer.refusal)
         return []
 

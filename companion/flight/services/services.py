@@ -1,4 +1,4 @@
-"""Services on the link: parameters and their metadata, rally points, and the stored timestamp of signing."""
+"""Services on the link: parameters and their metadata, rally points, fence, and the timestamp of signing."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from companion.flight.services.component_metadata import (
     metadata_files,
     parameter_document,
 )
+from companion.flight.services.fence_reader import FenceReader
 from companion.flight.services.ftp_server import FtpServer
 from companion.flight.services.parameter_server import ParameterHolder, ParameterServer
 from companion.flight.services.rally_points import TRANSFERS, Rally, best_points
@@ -73,6 +74,8 @@ class Services:
         Returns the newest report, None without a fresh one.
     orders
         Parameters that are orders.
+    fence
+        Reader of the autopilot's fence.
     """
 
     def __init__(
@@ -83,8 +86,10 @@ class Services:
         state: StateDir | None = None,
         report: Callable[[], Report | None] = lambda: None,
         orders: tuple[ParameterHolder, ...] = (),
+        fence: FenceReader | None = None,
     ) -> None:
         self._link = link
+        self.fence = FenceReader() if fence is None else fence
         self._settings = settings
         self.report = report
         self._seen: Report | None = None
@@ -106,6 +111,8 @@ class Services:
         self.rally = Rally(self._remembered)
         for name in sorted(TRANSFERS):
             link.subscribe(name, self._mission, anyone=True)
+        for name in ("PARAM_VALUE", "PARAM_ERROR"):
+            link.subscribe(name, lambda message, _: self.fence.on_parameter(message))
 
     async def run(self) -> None:
         """Send due messages until cancelled."""
@@ -114,6 +121,7 @@ class Services:
                 for message in (*self.parameters.poll(now_ns()), *self.files.poll(now_ns())):
                     self._link.send(message)
                 self._keep_rally_points()
+                self._read_fence()
                 await self._sync_points()
                 await self._save_timestamp()
                 await asyncio.sleep(TICK_S)
@@ -135,13 +143,20 @@ class Services:
         if link.vehicle.sysid is not None:
             us = (link.system_id, link.component_id)
             self._send_mission(self.rally.on_message(message, at_ns, link.vehicle.sysid, us))
+            self._send_mission(self.fence.on_mission(message, at_ns, link.vehicle.sysid, us))
 
     def _keep_rally_points(self) -> None:
         link = self._link
-        if link.vehicle.sysid is None or not (link.connected or self.rally.busy):
+        if link.vehicle.sysid is None or not (link.connected or self.rally.busy) or self.fence.busy:
             return
         us = (link.system_id, link.component_id)
         self._send_mission(self.rally.poll(now_ns(), self._wanted_points(), link.vehicle.sysid, us))
+
+    def _read_fence(self) -> None:
+        link = self._link
+        us = (link.system_id, link.component_id)
+        for message in self.fence.poll(now_ns(), link.vehicle, link.connected, us, quiet=not self.rally.busy):
+            link.send(message)
 
     def _wanted_points(self) -> tuple[RallyPoint, ...] | None:
         """Return the rally points for the vehicle, None to leave them unchanged."""
@@ -154,7 +169,8 @@ class Services:
         if report is None:
             return None
         if report is not self._seen:  # once per report, because the tick is twenty times as fast
-            self._seen, self._points = report, best_points(report, vehicle, parameters)
+            fence = self.fence.geofence(vehicle, report.frame)
+            self._seen, self._points = report, best_points(report, vehicle, parameters, fence)
         return self._points
 
     def _send_mission(self, messages: list[Any]) -> None:

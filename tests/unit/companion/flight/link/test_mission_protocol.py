@@ -10,7 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.link.mission_protocol import RALLY, Download, RallyPoint, Transfer, Upload
+from companion.flight.link.mission_protocol import (
+    RALLY,
+    RallyDownload,
+    RallyPoint,
+    Transfer,
+    Upload,
+)
 from tests.unit.companion.flight.link.messages import received
 
 S = 1_000_000_000
@@ -69,11 +75,11 @@ def test_an_upload_answers_either_request_with_integers_of_a_global_frame(kind: 
 def test_the_frames_that_send_px4_to_null_island_cannot_be_written(frame: int) -> None:
     with pytest.raises(ValueError, match="frame"):
         RallyPoint(1, 2, 3, frame)
-    transfer = Download(1, *US)
+    transfer = RallyDownload(1, *US)
     transfer.poll(0)
     tell(transfer, count(1))
     tell(transfer, item(0, POINTS[0], frame))
-    assert [p.frame for p in transfer.points] == [{5: 0, 6: 3}[frame]]
+    assert [p.frame for p in transfer.items] == [{5: 0, 6: 3}[frame]]
 
 
 def test_an_item_is_sent_again_when_it_is_asked_for_again() -> None:
@@ -97,7 +103,7 @@ def test_the_count_is_repeated_until_the_vehicle_asks_and_then_it_is_the_one_to_
 
 
 def test_a_vehicle_that_never_answers_ends_it_after_five_tries() -> None:
-    for transfer in (upload(), Download(1, *US), upload(())):
+    for transfer in (upload(), RallyDownload(1, *US), upload(())):
         sent = [m for tenth in range(200) for m in transfer.poll(tenth * S // 10)]
         assert len(sent) == 5
         assert transfer.outcome == "timeout"
@@ -127,26 +133,26 @@ def test_what_is_for_others_or_of_another_kind_or_too_early_is_left_alone() -> N
 
 
 def test_a_download_asks_for_each_item_and_thanks() -> None:
-    transfer = Download(1, *US)
+    transfer = RallyDownload(1, *US)
     assert names(transfer.poll(0)) == ["MISSION_REQUEST_LIST"]
     assert [m.seq for m in tell(transfer, count(2))] == [0]
     assert tell(transfer, item(1, POINTS[1])) == []  # not asked for yet
     assert [m.seq for m in tell(transfer, item(0, POINTS[0]))] == [1]
     assert names(transfer.poll(3 * S)) == ["MISSION_REQUEST_INT"]
     assert names(tell(transfer, item(1, POINTS[1]))) == ["MISSION_ACK"]
-    assert (transfer.outcome, tuple(transfer.points)) == ("done", POINTS)
+    assert (transfer.outcome, tuple(transfer.items)) == ("done", POINTS)
 
 
 def test_an_empty_list_is_an_end_too() -> None:
-    transfer = Download(1, *US)
+    transfer = RallyDownload(1, *US)
     transfer.poll(0)
     assert names(tell(transfer, count(0))) == ["MISSION_ACK"]
-    assert (transfer.outcome, transfer.points) == ("done", [])
+    assert (transfer.outcome, transfer.items) == ("done", [])
 
 
 @pytest.mark.parametrize("altitude", [math.nan, math.inf, 1e9])
 def test_points_that_are_none_end_a_download(altitude: float) -> None:
-    transfer = Download(1, *US)
+    transfer = RallyDownload(1, *US)
     transfer.poll(0)
     tell(transfer, count(1))
     tell(transfer, item(0, POINTS[0], alt=altitude))
@@ -159,7 +165,7 @@ def test_points_that_are_none_end_a_download(altitude: float) -> None:
     )
 )
 def test_nothing_on_the_wire_raises(script: list[tuple[str, int, float]]) -> None:
-    for transfer in (upload(), Download(1, *US)):
+    for transfer in (upload(), RallyDownload(1, *US)):
         transfer.poll(0)
         for kind, number, altitude in script:
             message = {

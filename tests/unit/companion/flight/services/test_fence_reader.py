@@ -1,0 +1,329 @@
+"""Reading of the fence, from a scripted autopilot of either kind."""
+
+from __future__ import annotations
+
+import logging
+import math
+import struct
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.flight.link.autopilot_health import Health
+from companion.flight.link.mission_protocol import FENCE
+from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.services.fence_reader import OWN_MARGIN_M, FenceReader
+from slz import LocalFrame
+from tests.unit.companion.flight.link.messages import received
+
+S = 1_000_000_000
+US, STATION = (1, 191), (255, 190)
+HOME = (47.0, 8.0, 400.0)
+FRAME = LocalFrame(*HOME)
+INSIDE, OUTSIDE = (
+    mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_INCLUSION,
+    mavlink.MAV_CMD_NAV_FENCE_POLYGON_VERTEX_EXCLUSION,
+)
+CIRCLE_INSIDE, CIRCLE_OUTSIDE = (
+    mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION,
+    mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION,
+)
+ARDUPILOT = {
+    "FENCE_ENABLE": 1.0, "FENCE_TYPE": 7.0, "FENCE_RADIUS": 60.0,
+    "FENCE_ALT_MAX": 50.0, "FENCE_ALT_MIN": -10.0, "FENCE_MARGIN": 3.0,
+}  # fmt: skip
+PX4 = {"GF_ACTION": 2.0, "GF_MAX_HOR_DIST": 80.0, "GF_MAX_VER_DIST": 40.0}
+
+
+def item(command: int, value: float, east: float, north: float) -> tuple[int, float, int, int]:
+    lat, lon, _ = FRAME.lla([east, north, 0.0])
+    return command, value, round(lat * 1e7), round(lon * 1e7)
+
+
+def square(command: int, west: float, south: float, side: float) -> list[tuple[int, float, int, int]]:
+    corners = [(west, south), (west + side, south), (west + side, south + side), (west, south + side)]
+    return [item(command, 4, *corner) for corner in corners]
+
+
+@dataclass
+class Autopilot:
+    """An autopilot with a fence, spoken to by the protocols."""
+
+    parameters: dict[str, float]
+    items: list[tuple[int, float, int, int]] = field(default_factory=list)
+    kind: str = "ardupilot"
+    deaf_to: tuple[str, ...] = ()
+    tells_absence: bool = False
+    refuses: int | None = None
+    home: tuple[float, float, float] | None = HOME
+    fenced: bool = False
+    guided: bool = False
+    reader: FenceReader = field(default_factory=FenceReader)
+    sent: list[str] = field(default_factory=list)
+    now_s: float = 1.0
+    reboots: int = 0
+
+    @property
+    def vehicle(self) -> VehicleState:
+        mode = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}[self.kind] if self.guided else "LOITER"
+        return VehicleState(
+            sysid=1, autopilot=self.kind, armed=True, mode=mode, home_lla=self.home, reboots=self.reboots,
+            health=Health(fenced=self.fenced),
+        )  # type: ignore[arg-type]  # fmt: skip
+
+    def run(self, seconds: float = 2.0, *, quiet: bool = True) -> Autopilot:
+        end = self.now_s + seconds
+        while self.now_s < end:
+            now_ns = round(self.now_s * S)
+            self._hear(self.reader.poll(now_ns, self.vehicle, True, US, quiet=quiet))
+            self.now_s += 0.05
+        return self
+
+    @property
+    def known(self) -> bool:
+        return self.reader.is_known(self.vehicle)
+
+    def holds(self, east: float, north: float) -> bool:
+        return self.reader.geofence(self.vehicle, FRAME).holds(np.array([east, north, 0.0]))
+
+    def heights_m(self) -> tuple[float, float]:
+        fence = self.reader.geofence(self.vehicle, FRAME)
+        return fence.lowest_m, fence.highest_m
+
+    def readings(self) -> int:
+        return self.sent.count("MISSION_REQUEST_LIST")
+
+    def say_value(self, name: str) -> None:
+        value, kind = self.parameters[name], mavlink.MAV_PARAM_TYPE_REAL32
+        if self.kind == "px4" and value == int(value):
+            kind = mavlink.MAV_PARAM_TYPE_INT32
+            value = struct.unpack("<f", struct.pack("<i", int(value)))[0]
+        self.reader.on_parameter(
+            received(mavlink.MAVLink_param_value_message(name.encode(), value, kind, 1, 0))
+        )
+
+    def _hear(self, messages: list[Any]) -> None:
+        for m in messages:
+            kind = m.get_type()
+            self.sent.append(kind)
+            if kind in self.deaf_to or getattr(m, "param_id", "") in self.deaf_to:
+                continue
+            if kind == "PARAM_REQUEST_READ":
+                name = m.param_id.decode() if isinstance(m.param_id, bytes) else m.param_id
+                if name in self.deaf_to:
+                    continue
+                if name in self.parameters:
+                    self.say_value(name)
+                elif self.tells_absence:
+                    error = mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
+                    self.reader.on_parameter(
+                        received(mavlink.MAVLink_param_error_message(*US, name.encode(), -1, error))
+                    )
+            elif self.refuses is not None:
+                self._say(mavlink.MAVLink_mission_ack_message(*US, self.refuses, FENCE))
+            elif kind == "MISSION_REQUEST_LIST":
+                self._say(mavlink.MAVLink_mission_count_message(*US, len(self.items), FENCE))
+            elif kind == "MISSION_REQUEST_INT":
+                command, value, lat_e7, lon_e7 = self.items[m.seq]
+                self._say(
+                    mavlink.MAVLink_mission_item_int_message(
+                        *US, m.seq, 0, command, 0, 1, value, 0, 0, 0, lat_e7, lon_e7, 0.0, FENCE
+                    )
+                )
+
+    def _say(self, message: Any) -> None:
+        self._hear(self.reader.on_mission(received(message), round(self.now_s * S), 1, US))
+
+
+# ---- what the fence is ----------------------------------------------------------------------------
+
+
+def test_circle_ceiling_and_areas_of_ardupilot_are_kept_with_its_margin_and_ours() -> None:
+    autopilot = Autopilot(ARDUPILOT, [*square(OUTSIDE, 10, 10, 10), item(CIRCLE_INSIDE, 50, 0, 0)]).run(5)
+    assert autopilot.known
+    margin = 3 + OWN_MARGIN_M
+    assert [autopilot.holds(0, n) for n in (-50 + margin - 0.1, 50 - margin - 0.1, 50 - margin + 0.1)] == [
+        False, True, False,
+    ]  # fmt: skip
+    north_m = (10 - margin - 0.1, 10 - margin + 0.1, 15, 20 + margin + 0.1)
+    assert [autopilot.holds(15, n) for n in north_m] == [True, False, False, True]
+    assert autopilot.heights_m() == (-math.inf, pytest.approx(50 - margin))
+
+
+@pytest.mark.parametrize(
+    ("changed", "holds_50_m", "highest_m"),
+    [
+        ({}, True, 45.0),
+        ({"FENCE_TYPE": 1}, True, 45.0),
+        ({"FENCE_TYPE": 2}, True, math.inf),
+        ({"FENCE_RADIUS": 54}, False, 45.0),
+        ({"FENCE_MARGIN_XY": 9}, False, 45.0),
+        ({"FENCE_MARGIN": 9}, False, 39.0),
+        ({"FENCE_ENABLE": 0, "FENCE_RADIUS": 30}, True, math.inf),
+        ({"FENCE_ENABLE": 0, "FENCE_RADIUS": 30, "FENCE_AUTOENABLE": 3}, False, 45.0),
+    ],
+)
+def test_parameters_of_ardupilot(changed: dict[str, float], holds_50_m: bool, highest_m: float) -> None:
+    autopilot = Autopilot(ARDUPILOT | changed).run(5)
+    assert autopilot.known
+    assert autopilot.holds(50, 0) is holds_50_m
+    assert autopilot.heights_m()[1] == pytest.approx(highest_m)
+
+
+def test_a_floor_is_kept_where_it_is_configured() -> None:
+    assert Autopilot(ARDUPILOT | {"FENCE_TYPE": 15}).run(5).heights_m()[0] == pytest.approx(-5.0)
+
+
+def test_a_fence_that_a_switch_enabled_is_kept_though_its_parameter_says_no() -> None:
+    autopilot = Autopilot(ARDUPILOT | {"FENCE_ENABLE": 0}).run(5)
+    assert autopilot.holds(100, 0)
+    autopilot.fenced = True
+    assert not autopilot.holds(100, 0)
+
+
+@pytest.mark.parametrize(("options", "inside"), [(0, False), (2, True)])
+def test_areas_of_inclusion_are_intersected_unless_the_option_unites_them(options: int, inside: bool) -> None:
+    areas = [*square(INSIDE, -30, -20, 40), *square(INSIDE, 0, -20, 40)]
+    autopilot = Autopilot(ARDUPILOT | {"FENCE_OPTIONS": options}, areas).run(5)
+    assert autopilot.known
+    assert autopilot.holds(25, 0) is inside
+    assert not autopilot.holds(0, 30)
+
+
+def test_px4_distances_and_areas() -> None:
+    autopilot = Autopilot(PX4, [item(CIRCLE_OUTSIDE, 10, 30, 0)], "px4").run(5)
+    assert autopilot.known
+    assert [autopilot.holds(0, n) for n in (77.9, 78.1)] == [True, False]
+    assert [autopilot.holds(e, 0) for e in (17.9, 18.1, 42.1)] == [True, False, True]
+    assert autopilot.heights_m() == (-math.inf, pytest.approx(38.0))
+
+
+@pytest.mark.parametrize("changed", [{"GF_ACTION": 0}, {"GF_MAX_HOR_DIST": 0, "GF_MAX_VER_DIST": 0}])
+def test_px4_without_an_action_or_a_distance_has_no_circle(changed: dict[str, float]) -> None:
+    autopilot = Autopilot(PX4 | changed, kind="px4").run(5)
+    assert autopilot.known
+    assert autopilot.holds(500, 0)
+
+
+def test_the_point_of_return_is_no_boundary() -> None:
+    back = item(mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT, 0, 200, 0)
+    assert Autopilot(ARDUPILOT, [back]).run(5).known
+
+
+# ---- unknown is not safe --------------------------------------------------------------------------
+
+
+def test_nothing_is_known_before_it_is_read_or_where_it_is_not_answered(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    autopilot = Autopilot(ARDUPILOT)
+    assert not autopilot.known
+    assert not Autopilot(ARDUPILOT, deaf_to=("FENCE_RADIUS",)).run(60).known
+    caplog.clear()
+    half = Autopilot(ARDUPILOT, deaf_to=("MISSION_REQUEST_LIST",))
+    with caplog.at_level(logging.WARNING):
+        assert not half.run(60).known
+    assert [record.args for record in caplog.records] == [("items: timeout",)]
+    assert not half.holds(58, 0)  # the circle is kept all the same
+    half.deaf_to = ()
+    assert half.run(20).known
+
+
+def test_a_circle_without_a_home_is_unknown() -> None:
+    autopilot = Autopilot(ARDUPILOT, home=None).run(5)
+    assert not autopilot.known
+    autopilot.home = HOME
+    assert autopilot.known
+
+
+@pytest.mark.parametrize(
+    "items",
+    [
+        square(INSIDE, 0, 0, 10)[:3],
+        [item(INSIDE, 2, 0, 0), item(INSIDE, 2, 5, 5)],
+        [item(INSIDE, 0, 0, 0)],
+        [*square(INSIDE, 0, 0, 10)[:2], *square(OUTSIDE, 0, 0, 10)[:2]],
+        [item(CIRCLE_INSIDE, 0, 0, 0)],
+        [item(16, 0, 0, 0)],
+    ],
+    ids=["too few", "two corners", "none", "mixed", "no radius", "a waypoint"],
+)
+def test_items_that_make_no_fence_are_unknown_and_those_before_are_kept(items: list[Any]) -> None:
+    autopilot = Autopilot(ARDUPILOT, square(INSIDE, -20, -20, 40)).run(5)
+    assert autopilot.known
+    autopilot.items = items
+    assert not autopilot.run(40).known
+    assert not autopilot.holds(30, 0)
+
+
+def test_an_autopilot_without_a_fence_says_so_or_refuses_its_items() -> None:
+    assert Autopilot({}, tells_absence=True).run(10).known
+    assert Autopilot({}, refuses=mavlink.MAV_MISSION_UNSUPPORTED).run(10).known
+    assert not Autopilot({}, refuses=mavlink.MAV_MISSION_DENIED).run(10).known
+    assert not Autopilot({}).run(30).known
+
+
+# ---- kept current ---------------------------------------------------------------------------------
+
+
+def test_the_fence_is_read_again_each_half_minute_and_at_a_hand_over() -> None:
+    autopilot = Autopilot(ARDUPILOT).run(10)
+    assert autopilot.readings() == 1
+    autopilot.guided = True
+    autopilot.run(10)
+    assert autopilot.readings() == 2
+    autopilot.items = [item(CIRCLE_OUTSIDE, 20, 0, 0)]
+    assert not autopilot.run(32).holds(0, 0)
+
+
+def test_a_parameter_that_is_changed_counts_within_seconds() -> None:
+    autopilot = Autopilot(ARDUPILOT).run(8)
+    autopilot.parameters = ARDUPILOT | {"FENCE_RADIUS": 25}
+    autopilot.say_value("FENCE_RADIUS")
+    assert not autopilot.run(6).holds(33, 0)
+    for kind, values in (("ardupilot", ARDUPILOT), ("px4", PX4)):
+        quiet = Autopilot(values, kind=kind).run(8)
+        quiet.say_value(next(iter(values)))
+        assert quiet.run(8).readings() == 1
+
+
+def test_a_transfer_of_another_station_makes_it_read_again_when_that_is_over() -> None:
+    autopilot = Autopilot(ARDUPILOT).run(8)
+    autopilot.items = [item(CIRCLE_OUTSIDE, 20, 0, 0)]
+    count = received(mavlink.MAVLink_mission_count_message(1, 1, 1, FENCE), *STATION)
+    autopilot.reader.on_mission(count, round(autopilot.now_s * S), 1, US)
+    assert autopilot.run(4).readings() == 1
+    assert not autopilot.run(6).holds(0, 0)
+
+
+def test_the_circle_moves_with_home() -> None:
+    autopilot = Autopilot(ARDUPILOT).run(5)
+    lat, lon, alt = FRAME.lla([100.0, 0.0, 7.0])
+    autopilot.home = (float(lat), float(lon), float(alt))
+    assert [autopilot.holds(e, 0) for e in (0, 100)] == [False, True]
+    assert autopilot.heights_m()[1] == pytest.approx(52.0, abs=0.01)
+
+
+def test_the_last_fence_holds_while_it_cannot_be_read_again_and_ends_with_a_reboot() -> None:
+    autopilot = Autopilot(ARDUPILOT).run(5)
+    autopilot.deaf_to = ("PARAM_REQUEST_READ", "MISSION_REQUEST_LIST")
+    assert autopilot.run(90).known
+    assert not autopilot.holds(58, 0)
+    autopilot.reboots = 1
+    assert not autopilot.run(1).known
+
+
+def test_it_waits_for_other_transfers() -> None:
+    autopilot = Autopilot(ARDUPILOT).run(10, quiet=False)
+    assert autopilot.readings() == 0
+    assert not autopilot.known
+    assert autopilot.run(1).known
+
+
+def test_the_same_fence_is_the_same_object() -> None:
+    autopilot = Autopilot(ARDUPILOT).run(5)
+    fence = autopilot.reader.geofence(autopilot.vehicle, FRAME)
+    assert autopilot.reader.geofence(autopilot.vehicle, replace(FRAME)) is fence
