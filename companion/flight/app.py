@@ -48,6 +48,7 @@ from companion.flight.rmw.zenoh_url import ZenohUrl
 from companion.flight.scan_feed import ScanFeed
 from companion.flight.sensors.lidar_url import Lidar, open_lidar
 from companion.flight.sensors.ros_lidar import RosLidar
+from companion.flight.services.fence_reader import FenceReader
 from companion.flight.services.order_parameters import OrderParameters
 from companion.flight.services.services import Services
 from companion.flight.services.settings import Settings
@@ -137,7 +138,8 @@ class Companion:
         self.wind.follow(self.link)
         self.executive = Executive(parameters, auto)
         self._aids_autopilot = parameters.odometry == "autopilot"
-        self.fitness = Fitness(auto, lambda: self._aids_autopilot)
+        self.fence = FenceReader()
+        self.fitness = Fitness(auto, lambda: self._aids_autopilot, self.fence)
         self.specks = SpeckDetector()
         self.obstacles = RecentObstacles(self.specks)
         self.surroundings = Surroundings(self.obstacles, parameters)
@@ -192,6 +194,7 @@ class Companion:
             self.wind,
             self.watch,
             self.odometry,
+            self.fence,
         )
         self.feed.on_scan.subscribe(self.situations.on_scan)
         self.feed.on_new_map.subscribe(self.situations.on_new_map)
@@ -211,7 +214,7 @@ class Companion:
         self.link.on_command(MavlinkOrders(self.order_desk, lambda: self.history.frame).answer)
         orders = (OrderParameters(self.order_desk),)
         self.services = Services(
-            self.link, self.settings, signing, state, self.situations.fresh_report, orders
+            self.link, self.settings, signing, state, self.situations.fresh_report, orders, self.fence
         )
         self._path = FlownPath()
         self.decisions = DecisionLoop(

@@ -14,6 +14,7 @@ from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mapping.point_watch import PointWatch
 from companion.flight.sensors.lidar_url import Lidar
+from companion.flight.services.fence_reader import FenceReader
 from companion.runtime.clock import now_ns
 from params import Parameters
 from slz import Intrusion, PointState, Report, SelectedPoint
@@ -52,9 +53,10 @@ class SituationSource:
         fitness: Fitness,
         wind: WindEstimate,
         watch: PointWatch,
-        odometry: PlaceSource | None = None,
+        odometry: PlaceSource | None,
+        fence: FenceReader,
     ) -> None:
-        self._odometry = odometry
+        self._odometry, self._fence = odometry, fence
         self._p = parameters
         self._link, self._history, self._worker = link, history, worker
         self._lidar, self._radar, self._fitness = lidar, radar, fitness
@@ -127,6 +129,7 @@ class SituationSource:
             intrusion=intrusion,
             moving=self._watch.moving(now),
             no_command_reason=vehicle.no_command_reason,
+            fence=self._fence.geofence(vehicle, self._history.frame),
         )
 
     def fresh_report(self) -> Report | None:

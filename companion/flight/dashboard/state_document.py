@@ -10,6 +10,7 @@ import numpy as np
 from companion.flight.flight_view import FlightView
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.axes import heading_rad
+from companion.flight.geometry.geofence import Geofence
 from companion.flight.geometry.pose import Pose
 from companion.flight.geometry.wind import Wind
 from companion.flight.landing.situation import COMMANDING, Emergency
@@ -55,6 +56,7 @@ def state(flight: FlightView) -> dict[str, Any]:
         "wind": _wind(s.wind),
         "moving": [_moving(one, s.now_ns) for one in s.moving],
         "wires": _wires(flight.report),
+        "fence": _fence(s.fence, executive.zones_beyond_fence(s)),
         "emergency": _emergency(executive.emergency(s)),
         **_ways(*executive.ways(s)),
         "height_m": _finite(flight.streams.height_m, 1),
@@ -96,6 +98,7 @@ def replayed(
         "wind": None,
         "moving": [],
         "wires": [],
+        "fence": None,
         "emergency": None,
         **_ways(None, None),
         "height_m": None,
@@ -168,6 +171,26 @@ def _wires(report: Report | None) -> list[dict[str, Any]]:
             }
         )
     return out
+
+
+def _fence(fence: Geofence, beyond: list[int]) -> dict[str, Any] | None:
+    """Return boundaries and heights of the autopilot's fence, and the zones beyond it; None without one."""
+    if fence.is_open:
+        return None
+    return {
+        "boundaries": [
+            {
+                "corners_m": [_rounded(corner) for corner in one.corners_m],
+                "radius_m": round(one.radius_m, 1),
+                "inclusion": one.inclusion,
+            }
+            for one in fence.boundaries
+        ],
+        "margin_m": round(fence.margin_m, 1),
+        "lowest_m": _finite(fence.lowest_m, 1),
+        "highest_m": _finite(fence.highest_m, 1),
+        "beyond": beyond,
+    }
 
 
 def _over_ground_m(report: Report | None, wire: Wire) -> float | None:

@@ -14,6 +14,7 @@ from companion.flight.landing.situation import Severity
 from companion.flight.link.link import Link
 from companion.flight.link.parameter_reader import ParameterReader
 from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.services.fence_reader import FenceReader
 from companion.runtime.clock import now_ns
 from params import Required, required
 
@@ -23,6 +24,7 @@ TICK_S = 0.05
 # Retry interval for unread critical parameters, while they keep a landing from beginning.
 AGAIN_NS = 10_000_000_000
 MOST_TEXTS = 3
+FENCE_UNREAD = "fence not read"
 
 
 class Fitness:
@@ -38,6 +40,8 @@ class Fitness:
         Whether the executive lands without an order.
     odometry
         Whether the LiDAR odometry is sent to the autopilot, so that its parameters are checked too.
+    fence
+        Reader of the autopilot's fence: unread it counts as a wrong critical parameter.
 
     Attributes
     ----------
@@ -45,8 +49,14 @@ class Fitness:
         Wrong parameters of the last reading, critical ones first.
     """
 
-    def __init__(self, auto: bool = False, odometry: Callable[[], bool] = lambda: False) -> None:
-        self._auto = auto
+    def __init__(
+        self,
+        auto: bool = False,
+        odometry: Callable[[], bool] = lambda: False,
+        fence: FenceReader | None = None,
+    ) -> None:
+        self._auto, self._fence = auto, fence
+        self._fence_known = fence is None
         self._odometry = odometry
         self._rows: tuple[Required, ...] = ()
         self._reader: ParameterReader | None = None
@@ -88,12 +98,13 @@ class Fitness:
         }
 
     def _critical(self) -> list[str]:
-        """Return the names of critical parameters that are wrong or unread.
+        """Return the names of critical parameters that are wrong or unread, and the fence while it is unread.
 
         One that some versions lack is left out once the autopilot is taken to be without it.
         """
         values = self.values
-        return [
+        fence = [] if self._fence_known else [FENCE_UNREAD]
+        return fence + [
             row.name
             for row in self._rows
             if row.critical
@@ -115,6 +126,8 @@ class Fitness:
             self._handed_over = vehicle.guided and vehicle.armed
         elif self._read and self._unread() and now - self._ended_ns > AGAIN_NS:
             self._begin(vehicle)
+        if self._fence is not None:
+            self._fence_known = self._fence.is_known(vehicle)
         if self._reader is None or vehicle.sysid is None or not connected:
             return []
         due = self._reader.due(vehicle.sysid, now)
@@ -127,6 +140,7 @@ class Fitness:
                     f"{len(self.faults)} wrong" if self.faults else "all right",
                 )
             self._read_once = True
+        if self._read and (self._fence is None or self._fence.is_read):
             self._warn(flying)
         return due
 

@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from companion.flight.landing.aim import same_place
 from companion.flight.landing.confirmation import Confirmation, Ground, ground_at
+from companion.flight.landing.guidance import BRAKING_MS2
 from companion.flight.landing.interruptions.low_battery import LowBattery
 from companion.flight.landing.interruptions.missing_input import without_pose
 from companion.flight.landing.interruptions.position_jump import PositionJump
@@ -42,7 +43,7 @@ from companion.flight.landing.situation import (
     Vector,
     VehicleCommands,
 )
-from companion.flight.landing.ways.approach_path import ApproachPath
+from companion.flight.landing.ways.approach_path import ApproachPath, hover_height_m
 from companion.flight.landing.ways.way_choice import paths
 from companion.flight.landing.zone_choice import must_be_confirmed
 from params import Parameters
@@ -159,12 +160,23 @@ class Executive:
                 route_over_point_m=high_m,
                 wind=wind,
                 outbound=outbound,
+                fence=situation.fence,
             )
             for outbound in (False, True)
         )
         self._ways_of = selected
         self._ways = next(iter(inward), None), next(iter(outward), None)
         return self._ways
+
+    def zones_beyond_fence(self, situation: Situation) -> list[int]:
+        """Return the IDs of the zones whose best point is beyond the autopilot's fence."""
+        report, fence = situation.report, situation.fence
+        if report is None or fence.is_open:
+            return []
+        prior = () if report.prior is None else report.prior.zones
+        lowest_m = hover_height_m(self._p)
+        zones = (*report.near.zones, *report.far.zones, *prior)
+        return [zone.id for zone in zones if not fence.holds_landing(zone.best.enu_m, lowest_m)]
 
     # ---- operator -------------------------------------------------------------------------------
 
@@ -245,6 +257,9 @@ class Executive:
         too_windy = self.state.too_windy(s, request.urgent)
         if too_windy:
             return Reply(False, too_windy)
+        outside = "" if request.enu_m is None else self.state.beyond_fence(s, request.enu_m, request.zone_id)
+        if outside:
+            return Reply(False, f"{outside} beyond the fence")
         if ground is not None and must_be_confirmed(ground.surface, self._p):
             if not self._is_confirmed(ground, s):
                 return Reply(False, f"{ground.text}: order again to confirm", asks=True)
@@ -300,6 +315,7 @@ class Executive:
         self._jump.follow(s)
         state.aim.measure(s.position_enu_m, s.selected)
         state.follow_wind(s)
+        state.route.highest_m = s.fence.highest_m
         state.endurance.follow(s.now_ns, s.battery_pct)
         state.hand_over.follow(s)
         self._battery.update(s)
@@ -307,6 +323,7 @@ class Executive:
         commands = self._withdrawal.reclassify_as_failsafe(s) or self._reaction(s)
         if commands is None:
             commands = self._commands_in[self.phase](s)
+        commands = _inside_fence(commands, s)
         velocity = commands.velocity_enu_ms
         self._asked_up_ms = None if velocity is None else float(velocity[2])
         if not s.heard:  # the pilot may have chosen another mode meanwhile
@@ -385,6 +402,14 @@ def _zone(s: Situation, zone_id: int) -> Zone | None:
         return None
     prior = () if s.report.prior is None else s.report.prior.zones
     return next((zone for zone in (*s.report.zones, *prior) if zone.id == zone_id), None)
+
+
+def _inside_fence(commands: VehicleCommands, s: Situation) -> VehicleCommands:
+    """Return the commands with a velocity that stops before the autopilot's fence."""
+    if commands.velocity_enu_ms is None or s.position_enu_m is None:
+        return commands
+    inside_ms = s.fence.limited(s.position_enu_m, commands.velocity_enu_ms, BRAKING_MS2)
+    return replace(commands, velocity_enu_ms=inside_ms)
 
 
 def _not_flying(s: Situation) -> Reply | None:

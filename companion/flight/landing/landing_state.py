@@ -22,7 +22,7 @@ from companion.flight.landing.situation import (
     Vector,
     VehicleCommands,
 )
-from companion.flight.landing.ways.approach_path import ApproachPath
+from companion.flight.landing.ways.approach_path import ApproachPath, hover_height_m
 from companion.flight.landing.ways.endurance import Endurance
 from companion.flight.landing.ways.way_choice import is_blocked, straight_down_is_blocked
 from companion.flight.landing.wind.into_wind import IntoWind
@@ -219,10 +219,28 @@ class LandingState:
         judged = self.aim.judgement(s.selected)
         if judged is not PointState.SAFE:
             return f"point {judged.value}" + self.cause_suffix(s)
+        if self.aim_is_beyond_fence(s):
+            return "point beyond the fence"
         unconfirmed = self.unconfirmed(s)
         if unconfirmed is not None:
             return f"{unconfirmed}: not confirmed"
         return "way in blocked" + self.wire_suffix(s) if self._is_way_blocked(s) else None
+
+    def beyond_fence(self, s: Situation, enu_m: Vector, zone_id: int | None = None) -> str:
+        """Return what of a landing is beyond the autopilot's fence: the point or the way there; else ""."""
+        name = "point" if zone_id is None else f"zone {zone_id}"
+        if not s.fence.holds_landing(enu_m, hover_height_m(self.parameters)):
+            return name
+        here = s.position_enu_m
+        return "" if here is None or s.fence.holds_way(here, enu_m) else f"way to {name}"
+
+    def is_inside_fence(self, s: Situation, zone: Zone) -> bool:
+        """Return whether a zone's best point, and the way there, are inside the autopilot's fence."""
+        return not self.beyond_fence(s, zone.best.enu_m)
+
+    def aim_is_beyond_fence(self, s: Situation) -> bool:
+        """Return whether the autopilot's fence, as it is now, leaves the point out that is flown to."""
+        return not s.fence.holds_landing(self.aim.on_ground_enu_m, hover_height_m(self.parameters))
 
     def give_way(self, s: Situation) -> VehicleCommands | None:
         """Break the landing off for what will be at the point at the touchdown; None without it.
@@ -330,4 +348,7 @@ class LandingState:
         if s.report is None or s.position_enu_m is None:
             return None
         endurance_s = self.endurance.left_s(s.now_ns)
-        return soonest(s.report, self.refused, self.parameters, s.position_enu_m, s.wind, endurance_s)
+        return soonest(
+            s.report, self.refused, self.parameters, s.position_enu_m, s.wind, endurance_s,
+            lambda zone: self.is_inside_fence(s, zone),
+        )  # fmt: skip

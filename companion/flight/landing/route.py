@@ -8,6 +8,7 @@ from enum import Enum
 
 import numpy as np
 
+from companion.flight.geometry.geofence import Geofence
 from companion.flight.landing.expanding_square import expanding_square
 from companion.flight.landing.guidance import course_rad, level, towards
 from companion.flight.landing.situation import Situation, Vector, VehicleCommands, known
@@ -20,6 +21,7 @@ AT_CORNER_M = 3.0
 LEGS_APART = (
     1.6  # times what is seen to each side: up to the mapping reach, at most within 45 degrees of the nadir
 )
+MOST_SKIPPED = 64  # corners beyond the fence in a row, after which the vehicle stays
 TURN_M = 6.0  # within this distance the heading is kept
 
 
@@ -38,18 +40,24 @@ class Route:
 
     Attributes
     ----------
-    height_m
-        Up in the map frame; minus infinity after `forget`.
+    highest_m
+        Height up to which the autopilot's fence allows the route, up in the map frame.
     """
 
     def __init__(self, parameters: Parameters) -> None:
         self._p = parameters
-        self.height_m = 0.0
+        self.highest_m = math.inf
+        self._height_m = 0.0
         self._corners: Iterator[tuple[float, float]] | None = None
         self._corner: Vector | None = None
         self._middle = np.zeros(2)
         self._risen_m = 0.0
         self._blocked_since_ns: int | None = None
+
+    @property
+    def height_m(self) -> float:
+        """Height up in the map frame; minus infinity after `forget`."""
+        return min(self._height_m, self.highest_m)
 
     @property
     def begun(self) -> bool:
@@ -59,7 +67,7 @@ class Route:
     def start_search(self, position_enu_m: Vector, height_above_home_m: float, least_m: float) -> None:
         """Start the search at a position, at the highest of its height, survey height and `least_m`."""
         east, north, up = (float(v) for v in position_enu_m)
-        self.height_m = max(up + max(0.0, self._p.survey_height_m - height_above_home_m), least_m)
+        self._height_m = max(up + max(0.0, self._p.survey_height_m - height_above_home_m), least_m)
         self._middle = np.array([east, north])
         self._search(self._middle)
         self._risen_m = 0.0
@@ -67,11 +75,11 @@ class Route:
     def forget(self) -> None:
         """Drop the route of an earlier flight."""
         self._corner = self._corners = None
-        self.height_m = -math.inf
+        self._height_m = -math.inf
 
     def move(self, jump_enu_m: Vector) -> None:
         """Shift the route by a jump of the position estimate; the search restarts at its next corner."""
-        self.height_m += float(jump_enu_m[2])
+        self._height_m += float(jump_enu_m[2])
         self._middle = self._middle + jump_enu_m[:2]
         if self._corner is not None:
             self._search(self._corner + jump_enu_m[:2])
@@ -81,17 +89,28 @@ class Route:
         apart_m = self._p.search_legs_m or LEGS_APART * reach_m(self._p)
         self._corners = expanding_square(float(about_m[0]), float(about_m[1]), apart_m)
 
-    def to_corner(self, position_enu_m: Vector, way: Way) -> Vector:
-        """Return the offset (2,) to the corner, or to the next one if it is reached or the way too high."""
-        if self._corner is None or self._corners is None:
+    def to_corner(self, position_enu_m: Vector, way: Way, fence: Geofence) -> Vector:
+        """Return the offset (2,) to the corner, or to the next one if it is reached or the way too high.
+
+        Corners beyond the autopilot's fence, or with a way beyond it, are left out.
+        """
+        if self._corner is None:
             raise RuntimeError("the search has not begun")
-        offset = self._corner - position_enu_m[:2]
-        if float(np.hypot(*offset)) < AT_CORNER_M or way is Way.TOO_HIGH:
-            self._corner = np.array(next(self._corners))
-            if float(np.hypot(*(self._corner - self._middle))) > self._p.zone_m / 2:
-                self._search(self._middle)
-            offset = self._corner - position_enu_m[:2]
-        return np.asarray(offset)
+        here = position_enu_m[:2]
+        if float(np.hypot(*(self._corner - here))) < AT_CORNER_M or way is Way.TOO_HIGH:
+            self._next_corner()
+        for _ in range(MOST_SKIPPED):
+            if fence.holds(self._corner) and fence.holds_way(here, self._corner):
+                return np.asarray(self._corner - here)
+            self._next_corner()
+        return np.zeros(2)
+
+    def _next_corner(self) -> None:
+        if self._corners is None:
+            raise RuntimeError("the search has not begun")
+        self._corner = np.array(next(self._corners))
+        if float(np.hypot(*(self._corner - self._middle))) > self._p.zone_m / 2:
+            self._search(self._middle)
 
     def commands_towards(self, s: Situation, offset_m: Vector, speed_ms: float) -> VehicleCommands:
         """Return the commands that cover an offset (2,) at the route's height."""
@@ -111,10 +130,10 @@ class Route:
         if s.now_ns - self._blocked_since_ns < BLOCKED_NS:
             return Way.FREE
         self._blocked_since_ns = None
-        if self._risen_m >= MOST_UP_M:
+        if self._risen_m >= MOST_UP_M or self.height_m + STEP_UP_M > self.highest_m:
             return Way.TOO_HIGH
         self._risen_m += STEP_UP_M
-        self.height_m += STEP_UP_M
+        self._height_m = self.height_m + STEP_UP_M
         return Way.CLIMBING
 
     def unblocked(self) -> None:

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.flight.geometry.geofence import NO_FENCE, Geofence
 from companion.flight.geometry.wind import Wind
 from slz import Intrusion, MovingObject, Report, SelectedPoint, SurfaceHere, SurfaceKind
 from slz.surface.surface_kinds import UNKNOWN_SURFACE
@@ -85,7 +86,7 @@ class Situation:
     nose, clockwise from north. below: surface of the ground under the vehicle. wind: None while it is
     unknown. intrusion: what came onto the selected point since the report, or None.
     moving: what moves around the vehicle. no_command_reason: why a vehicle of this type, or in this state
-    of flight, must not be commanded; "" if it may.
+    of flight, must not be commanded; "" if it may. fence: the autopilot's, as far as it is known.
     """
 
     now_ns: int
@@ -125,6 +126,7 @@ class Situation:
     intrusion: Intrusion | None = None
     moving: tuple[MovingObject, ...] = ()
     no_command_reason: str = ""
+    fence: Geofence = NO_FENCE
 
 
 @dataclass(frozen=True, slots=True)

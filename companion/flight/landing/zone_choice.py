@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -15,37 +15,56 @@ from params import Parameters
 from slz import Report, SurfaceHere, Zone
 
 REFUSE_WITHIN_M = 6.0
+Inside = Callable[[Zone], bool]
+
+
+def _anywhere(_zone: Zone) -> bool:
+    return True
 
 
 def choose(
-    zones: Sequence[Zone], refused_enu_m: Sequence[Vector], parameters: Parameters, drift_m: float = 0.0
+    zones: Sequence[Zone],
+    refused_enu_m: Sequence[Vector],
+    parameters: Parameters,
+    drift_m: float = 0.0,
+    inside: Inside = _anywhere,
 ) -> Zone | None:
     """Return the best ranked usable zone that needs no confirmation, or None.
 
     Its best point must be certain enough, and not near a point refused before. With a drift by gusts it
     must be farther from the zone's edge than that and the touchdown error.
+
+    Parameters
+    ----------
+    inside
+        Tells whether a zone and the way there are inside the autopilot's fence.
     """
     room_m = parameters.touchdown_error_m + drift_m if drift_m else 0.0
     certainty = parameters.min_certainty
     wide = (zone for zone in zones if zone.best.clearance_m >= room_m)
     usable = (zone for zone in wide if _usable(zone, refused_enu_m, certainty))
-    return next((zone for zone in usable if not must_be_confirmed(zone.best.surface, parameters)), None)
+    simple = (zone for zone in usable if not must_be_confirmed(zone.best.surface, parameters))
+    return next((zone for zone in simple if inside(zone)), None)
 
 
-def look_at(report: Report, refused_enu_m: Sequence[Vector], parameters: Parameters) -> Zone | None:
+def look_at(
+    report: Report, refused_enu_m: Sequence[Vector], parameters: Parameters, inside: Inside = _anywhere
+) -> Zone | None:
     """Return the best zone of the survey prior that needs no confirmation, None without one.
 
     It is not certain: the vehicle waits above its point until the live maps judge that safe.
     """
     zones = () if report.prior is None else report.prior.zones
     usable = (zone for zone in zones if _usable(zone, refused_enu_m, 0.0))
-    return next((zone for zone in usable if not must_be_confirmed(zone.best.surface, parameters)), None)
+    simple = (zone for zone in usable if not must_be_confirmed(zone.best.surface, parameters))
+    return next((zone for zone in simple if inside(zone)), None)
 
 
-def confirmable(zones: Sequence[Zone], parameters: Parameters) -> Zone | None:
+def confirmable(zones: Sequence[Zone], parameters: Parameters, inside: Inside = _anywhere) -> Zone | None:
     """Return the best ranked zone that is certain enough and waits for a confirmation, or None."""
     certain = (zone for zone in zones if _usable(zone, (), parameters.min_certainty))
-    return next((zone for zone in certain if must_be_confirmed(zone.best.surface, parameters)), None)
+    asking = (zone for zone in certain if must_be_confirmed(zone.best.surface, parameters))
+    return next((zone for zone in asking if inside(zone)), None)
 
 
 def soonest(
@@ -55,6 +74,7 @@ def soonest(
     position_enu_m: Vector,
     wind: Wind | None = None,
     endurance_s: float | None = None,
+    inside: Inside = _anywhere,
 ) -> tuple[Zone, float] | None:
     """Return the usable zone reached soonest, with the time in s: of the near map, the far one, or the prior.
 
@@ -68,6 +88,8 @@ def soonest(
         None while it is unknown.
     endurance_s
         How long the battery lasts, None while that is unknown.
+    inside
+        Tells whether a zone and the way there are inside the autopilot's fence.
     """
     prior = () if report.prior is None else report.prior.zones
     least = parameters.min_certainty
@@ -80,6 +102,7 @@ def soonest(
             for zone in zones
             if _usable(zone, refused_enu_m, certainty)
             and must_be_confirmed(zone.best.surface, parameters) is confirm
+            and inside(zone)
         ]
         if timed:
             seconds, zone = min(timed, key=lambda one: one[0])

@@ -3,6 +3,7 @@
 import { amount, fitCanvas } from "./dom.js";
 import { ahead, MOVING, movingWords, radiusOf } from "./moving.js";
 import { middle, pieces, WIRE, wireWords } from "./wires.js";
+import { corners, FENCE, fenceWords, isBeyond } from "./fence.js";
 import { rampColour } from "./paint.js";
 import { drawArrow, drawRose, roseRadius, windWords, WIND } from "./rose.js";
 import { holds, pathOf, patternsOf, STATE_STYLE, STYLE, styleOf, SURE_WORDS, surfaceWords } from "./zones.js";
@@ -174,6 +175,7 @@ export class BirdView {
     this._path(pen);
     this._way(pen, pose);
     this._selected(pen);
+    this._fence(pen);
     this._wires(pen);
     this._moving(pen);
     this._cursor(pen);
@@ -282,6 +284,7 @@ export class BirdView {
         `${zone.id}${suffix} · ${Math.round(zone.area_m2)} m²`,
         `${SURE_WORDS[zone.sure]} ${Math.round(100 * zone.certainty)} %`,
         ...(surface ? [surface] : []),
+        ...(isBeyond(this.model, zone) ? ["beyond the fence"] : []),
       ]);
     }
   }
@@ -303,6 +306,26 @@ export class BirdView {
       pen.fillStyle = i ? "#c3ccd4" : colour;
       pen.fillText(line, x, y - high + (i + 1) * 14 * r + 1 * r);
     });
+  }
+
+  /** The autopilot's fence: dashes, and in words which side of them is forbidden. */
+  _fence(pen) {
+    const r = this._ratio;
+    for (const boundary of this.model.state?.fence?.boundaries ?? []) {
+      const places = corners(boundary).map(([e, n]) => this.place(e, n));
+      for (const [colour, width] of [[FENCE.halo, 5 * r], [FENCE.line, 2.4 * r]]) {
+        pen.strokeStyle = colour;
+        pen.lineWidth = width;
+        pen.setLineDash([12 * r, 5 * r]);
+        pen.beginPath();
+        for (const place of places) pen.lineTo(...place);
+        pen.closePath();
+        pen.stroke();
+      }
+      pen.setLineDash([]);
+      const [x, y] = places.reduce((a, b) => (b[1] < a[1] ? b : a));
+      this._tag(pen, x, Math.max(60 * r, y - 12 * r), fenceWords(boundary), FENCE.line);
+    }
   }
 
   /** What moves, with the way it goes in two seconds. */

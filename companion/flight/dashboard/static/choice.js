@@ -1,6 +1,7 @@
 // What is picked, what is under watch, and the orders.
 
 import { byId, el, headings, percent, setClass, shown, valueOf, ways } from "./dom.js";
+import { isBeyond } from "./fence.js";
 import { STATE_STYLE, SURE_WORDS, surfaceWords } from "./zones.js";
 
 const NEAR_M = 0.05; // the point under watch is the picked one
@@ -160,6 +161,7 @@ export class Choice {
         ]),
         zone.why ? el("p", { text: `Ranked behind the zone before it: ${zone.why}` }) : null,
         far ? el("p", { text: "Seen from afar only: fly nearer before it can be landed at." }) : null,
+        isBeyond(this._model, zone) ? el("p", { text: "Beyond the autopilot's fence: an order to land there is refused." }) : null,
       ].filter(Boolean);
     }
     const state = facts?.state ?? "unknown";

@@ -2,6 +2,7 @@
 
 import { fitCanvas } from "./dom.js";
 import { add, drawsInSoftware, looking, multiply, perspective, program, project } from "./gl.js";
+import { corners, FENCE } from "./fence.js";
 import { Terrain } from "./terrain.js";
 import { ahead, MOVING, movingWords, radiusOf } from "./moving.js";
 import { middle, pieces, WIRE, wireWords } from "./wires.js";
@@ -18,6 +19,7 @@ const GATE_M = 4;
 const GATE_STEP_M = 6;
 const ROSE_M = [3.5, 5, 9]; // inner radius, and those of the shortest and the longest petal
 const FENCE_M = 1.3; // height of a blocked bearing's fence
+const WALL_OVER_M = 5; // of the walls of the autopilot's fence over the vehicle
 const WIND_M = [10.5, 16]; // head and tail of the wind's arrow from the point
 
 const LINE_VERTEX = `
@@ -173,6 +175,7 @@ export class PilotView {
     const { gl } = this;
     this._zoneLines();
     this._rose();
+    this._fence(pose);
     this._wires();
     this._moving();
     this._windArrow();
@@ -269,6 +272,23 @@ export class PilotView {
       for (const side of [petal.first - STEP_DEG / 2, petal.last + STEP_DEG / 2]) {
         this._line(at(side, inner, 0), at(side, far, rise), [r, g, b, 1]);
       }
+    }
+  }
+
+  /** The autopilot's fence as walls up to its ceiling, or to above the vehicle. */
+  _fence(pose) {
+    const fence = this.model.state?.fence;
+    if (!fence) return;
+    const [r, g, b] = colour(FENCE.line);
+    const [low, high] = [this._level(), fence.highest_m ?? Math.max(this._level(), pose.up) + WALL_OVER_M];
+    for (const boundary of fence.boundaries) {
+      const ring = corners(boundary);
+      ring.forEach((from, i) => {
+        const to = ring[(i + 1) % ring.length];
+        this._face([...from, low], [...to, low], [...to, high], [...from, high], [r, g, b, 0.16]);
+        for (const up of [low, high]) this._line([...from, up], [...to, up], [r, g, b, 1]);
+        this._line([...from, low], [...from, high], [r, g, b, 0.6]);
+      });
     }
   }
 

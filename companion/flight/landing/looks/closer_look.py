@@ -44,7 +44,8 @@ class CloserLook:
         if self._since_ns is None:
             self._since_ns = s.now_ns
             state.say(Severity.INFO, f"{unseen:.0%} of {hazard_m:g} m hazards unseen: looking closer")
-        if s.blocked:  # the look is not worth a climb
+        corner_m = known(state.aim.enu_m)[:2] + self._corner
+        if s.blocked or not s.fence.holds(corner_m):  # the look is not worth a climb
             self._n_blocked += 1
             self._corner = next(self._corners)
         if s.now_ns - self._since_ns > LOOK_NS or self._n_blocked > MOST_BLOCKED:

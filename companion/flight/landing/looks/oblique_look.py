@@ -68,7 +68,9 @@ class ObliqueLook:
             if not (doubtful and math.isfinite(height_m)):
                 return None
             self._begin(s, centre_enu_m, height_m)
-        if s.blocked:  # the look is not worth a climb
+        here = known(s.position_enu_m)[:2]
+        inside = s.fence.holds_way(here, here + self._to_corner(s))
+        if s.blocked or not inside:  # the look is not worth a climb
             self._n_blocked += 1
             self._corner += 1
         late = self._since_ns is not None and s.now_ns - self._since_ns > LOOK_NS

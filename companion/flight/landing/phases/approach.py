@@ -83,6 +83,8 @@ class Approach:
             self._over_since_ns = s.now_ns
         if judged is PointState.UNSAFE:
             return state.break_off("point unsafe" + state.cause_suffix(s), s)
+        if state.aim_is_beyond_fence(s):
+            return state.break_off("point beyond the fence", s)
         unconfirmed = state.unconfirmed(s)
         if unconfirmed is not None:
             return state.break_off(f"{unconfirmed}: not confirmed", s)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from companion.flight.landing.interruptions.missing_input import without_lidar
@@ -66,7 +68,7 @@ class Survey:
         aside = self._look_aside(s)
         if aside is not None:
             return state.route.commands_towards(s, aside, state.parameters.approach_speed_ms)
-        offset = state.route.to_corner(position, state.way(s))
+        offset = state.route.to_corner(position, state.way(s), s.fence)
         return state.route.commands_towards(s, offset, state.parameters.survey_speed_ms)
 
     def take_over(self, s: Situation) -> VehicleCommands:
@@ -94,10 +96,11 @@ class Survey:
         if state.is_urgent:
             return state.soonest_zone(s)
         drift_m = gust_drift_m(s.wind)
+        inside = partial(state.is_inside_fence, s)
         return (
-            choose(s.report.zones, state.refused, p, drift_m)
-            or choose(s.report.far.zones, state.refused, p, drift_m)
-            or look_at(s.report, state.refused, p)
+            choose(s.report.zones, state.refused, p, drift_m, inside)
+            or choose(s.report.far.zones, state.refused, p, drift_m, inside)
+            or look_at(s.report, state.refused, p, inside)
         )
 
     def _has_lasted(self, s: Situation) -> bool:
@@ -127,12 +130,19 @@ class Survey:
         return offset
 
     def _ask(self, s: Situation) -> None:
-        """Ask the pilot now and then to confirm a zone, where no other was found in the survey."""
+        """Tell the pilot now and then of a zone to confirm, or beyond the fence, if no other was found."""
         if s.report is None or not self._has_lasted(s):
             return
         if self._asked_ns is not None and 0 <= s.now_ns - self._asked_ns < ASK_AGAIN_NS:
             return
-        zone = confirmable(s.report.zones, self._state.parameters)
+        state = self._state
+        zone = confirmable(s.report.zones, state.parameters, partial(state.is_inside_fence, s))
         if zone is not None:
             self._asked_ns = s.now_ns
-            self._state.say(Severity.WARNING, f"zone {zone.id}: {zone.best.surface.text}: confirm")
+            state.say(Severity.WARNING, f"zone {zone.id}: {zone.best.surface.text}: confirm")
+            return
+        zone = choose(s.report.zones, state.refused, state.parameters)
+        outside = "" if zone is None else state.beyond_fence(s, zone.best.enu_m, zone.id)
+        if outside:
+            self._asked_ns = s.now_ns
+            state.say(Severity.WARNING, f"{outside} beyond the fence")

@@ -108,4 +108,5 @@ class FlyOut:
             wind=s.wind if state.parameters.into_wind == "on" else None,
             position_enu_m=known(s.position_enu_m),
             tried_deg=self._tried_deg,
+            fence=s.fence,
         )

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.flight.geometry.geofence import NO_FENCE, Geofence
 from companion.flight.geometry.wind import Wind
 from companion.flight.landing.situation import Vector
 from companion.flight.landing.ways.approach_path import ApproachPath, hover_height_m
@@ -29,6 +30,7 @@ def paths(
     position_enu_m: Vector | None = None,
     tried_deg: Iterable[float] = (),
     outbound: bool = False,
+    fence: Geofence = NO_FENCE,
 ) -> list[ApproachPath]:
     """Return the approach paths to a point, the best first: into the wind, not steep, near the vehicle.
 
@@ -44,6 +46,8 @@ def paths(
         Bearings that are left out, with those beside them.
     outbound
         The vehicle leaves the point along the path: into the wind it flies the other way.
+    fence
+        Of the autopilot; paths beyond it are left out.
     """
     hover_m, tried = hover_height_m(parameters), tuple(tried_deg)
     slopes_deg = corridors.slopes_deg[:-1]
@@ -58,6 +62,8 @@ def paths(
         if length_m <= 0:
             continue
         path = ApproachPath(bearing_deg, slope_deg, hover_m, min(length_m, parameters.corridor_m))
+        if not fence.holds_way(corridors.enu_m, corridors.enu_m[:2] + path.length_m * path.outward):
+            continue
         unseen = float(states[index] != SAFE)
         found.append(((*_effort(path, corridors, wind, position_enu_m, outbound), unseen), path))
     return [path for _, path in sorted(found, key=lambda one: one[0])]

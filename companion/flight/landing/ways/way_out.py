@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
-from companion.flight.landing.situation import Situation, Vector
+from companion.flight.landing.situation import Situation, Vector, known
 from companion.flight.landing.ways.approach_path import ApproachPath
 from params import Parameters
 from slz import SAFE, Corridors
@@ -52,7 +53,7 @@ class WayOut:
         p = self._p
         if s.blocked_above:
             self._blocked_at_m = position_enu_m[:2].copy()
-            self._outward, self._rise = self._outward_way(path, corridors)
+            self._outward, self._rise = self._outward_way(s, path, corridors)
         if self._blocked_at_m is not None:
             past_m = max(p.footprint_m, p.greatest_dimension_m) + PAST_M
             if float(np.hypot(*(position_enu_m[:2] - self._blocked_at_m))) > past_m:
@@ -63,7 +64,7 @@ class WayOut:
         return np.array([*(aside_ms * self._outward), min(p.climb_speed_ms, aside_ms * self._rise)])
 
     def _outward_way(
-        self, path: ApproachPath | None, corridors: Corridors | None
+        self, s: Situation, path: ApproachPath | None, corridors: Corridors | None
     ) -> tuple[Vector | None, float]:
         """Return the direction (2,) of the way out and the tangent of its slope; None without one."""
         if path is not None:
@@ -71,6 +72,7 @@ class WayOut:
         if corridors is None:
             return None, 1.0
         clear = corridors.states[:, :-1] == SAFE
+        clear[~self._inside_fence(s, len(clear))] = False
         if not clear.any():
             return None, 1.0
         slopes = clear.shape[1] - 1 - clear[:, ::-1].argmax(axis=1)
@@ -78,3 +80,10 @@ class WayOut:
         bearing = math.radians(int(steepest.argmax()) * 360 / len(steepest))
         slope_deg = max(LEAST_DEG, corridors.slopes_deg[int(steepest.max())])
         return np.array([math.sin(bearing), math.cos(bearing)]), math.tan(math.radians(slope_deg))
+
+    def _inside_fence(self, s: Situation, n_bearings: int) -> NDArray[np.bool_]:
+        """Return along which bearings (n,) the vehicle stays inside the autopilot's fence on its way out."""
+        bearings = 2 * np.pi * np.arange(n_bearings) / n_bearings
+        past_m = max(self._p.footprint_m, self._p.greatest_dimension_m) + PAST_M
+        ends = known(s.position_enu_m)[:2] + past_m * np.stack([np.sin(bearings), np.cos(bearings)], axis=1)
+        return np.asarray(s.fence.room_m(ends) >= 0)

@@ -10,6 +10,7 @@ import params
 from companion.flight.app import Companion
 from companion.flight.dashboard import state_document
 from companion.flight.fusion.wind_estimate import WindEstimate
+from companion.flight.geometry.geofence import Boundary, Geofence
 from companion.flight.geometry.wind import Wind
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.mapping.point_watch import PointWatch
@@ -18,7 +19,7 @@ from companion.flight.sensors.diagnosis.lidar_diagnosis import Episode, LidarDia
 from slz import MovingObject, Nearby, Wire
 from slz.wires.sagging_curve import SaggingCurve
 from tests.integration.link_bench import on_simulated_clock
-from tests.unit.companion.flight.landing.flight import Flight
+from tests.unit.companion.flight.landing.flight import Flight, zone
 
 
 @on_simulated_clock
@@ -34,6 +35,29 @@ async def test_the_wind_is_shown_by_where_it_comes_from_and_unknown_is_none(
     finally:
         companion.worker.close()
     assert shown == {"from_deg": 0, "speed_ms": 6.0, "gust_ms": 9.3, "source": "tilt"}
+
+
+@on_simulated_clock
+async def test_the_fence_is_shown_with_the_zones_beyond_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    companion = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
+    flight = Flight([zone(1, 10, 0), zone(2, 33, 0)])
+    square = Boundary(np.array([(-20.0, -20.0), (20, -20), (20, 20), (-20, 20)]), 0.0, True)
+    try:
+        assert state_document.state(companion)["fence"] is None
+        flight.fence = Geofence(
+            Boundary(np.zeros((1, 2)), 25.0, True), (square,), margin_m=4.0, highest_m=46.04
+        )
+        monkeypatch.setattr(companion, "situation", flight.situation)
+        shown = state_document.state(companion)["fence"]
+    finally:
+        companion.worker.close()
+    assert shown == {
+        "boundaries": [
+            {"corners_m": [[0.0, 0.0]], "radius_m": 25.0, "inclusion": True},
+            {"corners_m": square.corners_m.tolist(), "radius_m": 0.0, "inclusion": True},
+        ],
+        "margin_m": 4.0, "lowest_m": None, "highest_m": 46.0, "beyond": [2],
+    }  # fmt: skip
 
 
 @on_simulated_clock

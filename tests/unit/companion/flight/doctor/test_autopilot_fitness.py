@@ -14,6 +14,7 @@ from companion.flight.doctor.autopilot_fitness import AGAIN_NS, Fitness
 from companion.flight.landing.situation import Severity
 from companion.flight.link.flight_modes import Autopilot
 from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.services.fence_reader import FenceReader
 from params import required
 
 MS, S = 1_000_000, 1_000_000_000
@@ -117,6 +118,30 @@ def test_what_is_dangerous_is_told_at_the_start_and_refuses_a_landing_by_itself_
         assert not script.fitness.fit
         assert script.run(30, mode="LOITER") == []
     assert script.fitness.summary()["wrong"][0]["name"] == name
+
+
+class Unread(FenceReader):
+    """A fence of which nothing was read yet, and the end of a reading as it is told."""
+
+    is_read = False  # type: ignore[assignment]
+    known = False
+
+    def is_known(self, vehicle: VehicleState) -> bool:
+        return self.known
+
+
+@pytest.mark.parametrize(("auto", "said"), [(True, "no landing by itself"), (False, "landing is at risk")])
+def test_a_fence_that_was_not_read_counts_as_a_critical_parameter(auto: bool, said: str) -> None:
+    script, fence = Script("ardupilot", auto), Unread()
+    script.fitness = Fitness(auto, fence=fence)
+    assert script.run(5) == script.hand_over() == []  # it is being read
+    assert not script.fitness.fit
+    fence.is_read = True
+    assert script.run(5) == [f"{said}: fence not read"]
+    assert script.run(60) == []
+    fence.known = True
+    script.run(1)
+    assert script.fitness.fit
 
 
 @WRONG

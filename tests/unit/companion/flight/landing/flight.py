@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 import params
+from companion.flight.geometry.geofence import NO_FENCE, Geofence
 from companion.flight.geometry.wind import Wind
 from companion.flight.landing.executive import Executive
 from companion.flight.landing.situation import MissingInput, Phase, Severity, Situation, VehicleCommands
@@ -115,6 +116,7 @@ class Flight:
         self.turns = True
         self.below = UNKNOWN_SURFACE
         self.wind: Wind | None = None
+        self.fence: Geofence = NO_FENCE
         self.moving: Callable[[Flight], tuple[MovingObject, ...]] = lambda _flight: ()
         self.surface: Callable[[np.ndarray], SurfaceHere] = self.surface_of_zone
 
@@ -169,6 +171,7 @@ class Flight:
             wind=self.wind,
             blocked_above=self.blocked_above(self),
             moving=self.moving(self),
+            fence=self.fence,
             no_command_reason=self.no_command_reason,
         )
 

@@ -1,0 +1,211 @@
+"""Points, ways, search and heights inside the autopilot's fence."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import params
+from companion.flight.geometry.geofence import Boundary, Geofence
+from companion.flight.landing.situation import Phase
+from companion.flight.landing.ways.way_choice import paths
+from slz import SAFE, UNSAFE, PointState, SurfaceHere, SurfaceKind
+from tests.unit.companion.flight.landing.flight import Flight, zone
+from tests.unit.companion.flight.landing.ways.corridors import made
+
+MARGIN_M = 4.0
+NEAR, FAR = zone(1, 10, 0), zone(2, 33, 0)
+ROOF = SurfaceHere(SurfaceKind.ROOF, 0.99, 0.0, 20.0)
+
+
+def circle(radius_m: float, **more: object) -> Geofence:
+    return Geofence(Boundary(np.zeros((1, 2)), radius_m, True), margin_m=MARGIN_M, **more)  # type: ignore[arg-type]
+
+
+def wall(east_m: float) -> Geofence:
+    """An area of exclusion across the way to the east, 4 m thick and 100 m long."""
+    corners = np.array([(east_m, -50), (east_m + 4, -50), (east_m + 4, 50), (east_m, 50)], float)
+    return Geofence(areas=(Boundary(corners, 0.0, False),), margin_m=MARGIN_M)
+
+
+def least_room_m(flight: Flight, fence: Geofence) -> float:
+    """Return the least room within a fence that the vehicle had in the next two minutes."""
+    rooms = []
+    for _ in range(1200):
+        flight.step()
+        rooms.append(float(fence.room_m(flight.position)[0]))
+    return min(rooms)
+
+
+# ---- orders ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("fence", "reason"),
+    [
+        (circle(25), "zone 2 beyond the fence"),
+        (circle(36), "zone 2 beyond the fence"),  # inside, and nearer to it than the margin
+        (wall(16), "way to zone 2 beyond the fence"),
+        (Geofence(lowest_m=12.0), "zone 2 beyond the fence"),  # it cannot sink to where LAND takes over
+        (circle(40), "landing"),
+        (Geofence(), "landing"),
+    ],
+)
+def test_an_order_to_a_zone_beyond_the_fence_is_refused(fence: Geofence, reason: str) -> None:
+    flight = Flight([NEAR, FAR], auto=False)
+    flight.fence = fence
+    flight.step()
+    reply = flight.executive.land_in_zone(flight.situation(), 2)
+    assert (reply.accepted, reply.reason) == (reason == "landing", reason)
+    assert len(f"SLZ: {reply.reason}") <= 50
+
+
+def test_an_order_to_a_point_and_the_confirmation_of_a_selection_are_refused_too() -> None:
+    flight = Flight([NEAR], auto=False)
+    flight.fence = circle(25)
+    flight.step()
+    point = np.array([0.0, 33.0, 0.0])
+    assert flight.executive.land_at_point(flight.situation(), point).reason == "point beyond the fence"
+    assert flight.executive.select_point(point).accepted  # it is only watched
+    flight.run(1)
+    assert flight.executive.land_at_selected(flight.situation()).reason == "point beyond the fence"
+    assert flight.executive.phase is Phase.IDLE
+
+
+# ---- choices --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("urgent", [False, True])
+def test_a_zone_beyond_the_fence_is_never_chosen(urgent: bool) -> None:
+    flight = Flight([FAR, zone(3, -12, 4, certainty=0.97)], auto=not urgent)
+    flight.fence = circle(25)
+    flight.run(1)
+    if urgent:
+        assert flight.executive.land_now(flight.situation()).accepted
+    flight.fly_to(Phase.LANDED)
+    assert np.hypot(*(flight.position[:2] - [-12, 4])) < 1
+
+
+def test_zones_of_the_far_map_and_of_a_survey_are_left_out_too() -> None:
+    flight = Flight([])
+    flight.far_zones, flight.prior_zones, flight.fence = [FAR], [replace(FAR, id=100_001)], circle(25)
+    flight.run(60)
+    assert flight.executive.phase is Phase.SURVEY
+    assert flight.executive.emergency(flight.situation()) is None
+
+
+def test_the_pilot_reads_which_zone_is_beyond_the_fence_each_half_minute() -> None:
+    flight = Flight([FAR, replace(FAR, id=7)])
+    flight.fence = circle(25)
+    flight.run(70)
+    said = [text for text in flight.texts if "fence" in text]
+    assert said == ["SLZ: zone 2 beyond the fence"] * 3
+    flight.fence = Geofence()
+    flight.fly_to(Phase.LANDED)
+
+
+def test_a_roof_beyond_the_fence_is_not_asked_for() -> None:
+    flight = Flight([zone(4, 33, 0, surface=ROOF)])
+    flight.fence = circle(25)
+    flight.run(40)
+    assert not any("confirm" in text for text in flight.texts)
+
+
+@pytest.mark.parametrize("phase", [Phase.APPROACH, Phase.DESCEND, Phase.FINAL])
+def test_a_fence_that_is_drawn_around_less_breaks_the_landing_off(phase: Phase) -> None:
+    flight = Flight([zone(1, 16, 0), zone(3, -6, 0, certainty=0.97)]).fly_to(phase)
+    flight.fence = circle(18)
+    flight.until(lambda f: f.executive.phase is Phase.CLIMB)
+    assert flight.executive.tally.abort_reasons == ["point beyond the fence"]
+    flight.fly_to(Phase.LANDED)
+    assert abs(flight.position[0] + 6) < 1
+
+
+# ---- ways -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("fence", [circle(30), wall(10), wall(-12)])
+def test_the_search_stays_inside(fence: Geofence) -> None:
+    assert least_room_m(Flight([], height=20.0), fence) < -1
+    flight = Flight([], height=20.0)
+    flight.fence = fence
+    assert least_room_m(flight, fence) >= -0.5
+    assert np.ptp([c.velocity_enu_ms[0] for *_, c in flight.commands if c.velocity_enu_ms is not None]) > 1
+
+
+def test_a_search_without_a_corner_inside_hovers() -> None:
+    flight = Flight([], height=20.0)
+    flight.fence = circle(3)
+    flight.run(30)
+    assert float(np.hypot(*flight.position[:2])) < 1
+
+
+def test_a_look_from_aside_stays_inside() -> None:
+    flight = Flight([zone(1, 10, 0)], height=20.0)
+    flight.surface = lambda _point: SurfaceHere(SurfaceKind.BARE, 0.95, 0.05)
+    flight.fence = circle(22)
+    flight.until(lambda f: any("looking from aside" in text for text in f.texts))
+    assert least_room_m(flight, flight.fence) >= -0.5
+
+
+def test_a_path_that_begins_beyond_the_fence_is_left_out() -> None:
+    p = params.load("helicopter")
+    free = paths(made(), p, least_state=int(SAFE), route_over_point_m=60.0)
+    fenced = paths(made(), p, least_state=int(SAFE), route_over_point_m=60.0, fence=wall(20))
+    assert {path.bearing_deg for path in fenced} < {path.bearing_deg for path in free}
+    assert not any(60 < path.bearing_deg < 120 for path in fenced)
+    assert any(240 < path.bearing_deg < 300 for path in fenced)
+
+
+def test_the_way_out_below_something_leads_away_from_the_fence() -> None:
+    flight = Flight([zone(1, 0, 0)], height=20.0)
+    flight.corridors = lambda _flight: made()
+    flight.until(lambda f: f.executive.phase is Phase.FINAL and f.position[2] < 6)
+    flight.zones.clear()
+    flight.state = lambda _height, _point: PointState.UNSAFE
+    clear = {(90, 60.0): int(SAFE), (270, 30.0): int(SAFE)}
+    flight.corridors = lambda _flight: made(clear, all_of=int(UNSAFE))
+    flight.fence = wall(MARGIN_M + 1)
+    flight.blocked_above = lambda f: bool(abs(f.position[0]) < 3 and 6 < f.position[2] < 10)
+    flight.fly_to(Phase.SURVEY)
+    assert flight.position[0] < -2
+
+
+# ---- heights --------------------------------------------------------------------------------------
+
+
+def test_the_flight_stays_below_the_ceiling() -> None:
+    flight = Flight([zone(1, 10, 0)], height=15.0, survey_height_m=40.0)
+    flight.fence = Geofence(highest_m=22.0)
+    tops = []
+
+    def descends(f: Flight) -> bool:
+        tops.append(float(f.position[2]))
+        return f.executive.phase is Phase.FINAL
+
+    flight.until(descends)
+    assert 21 < max(tops) <= 22.01
+    flight.state = lambda _height, _point: PointState.UNSAFE
+    flight.fly_to(Phase.SURVEY)
+    assert 20 < flight.position[2] <= 22.01
+    assert not any("not climbing" in text for text in flight.texts)
+
+
+def test_an_obstacle_is_not_climbed_over_beyond_the_ceiling() -> None:
+    flight = Flight([zone(1, 40, 0), zone(2, -20, 0, certainty=0.97)], height=20.0)
+    flight.fence = Geofence(highest_m=28.0)
+    flight.blocked = lambda f: bool(15 < f.position[0] < 30 and f.velocity_wanted[0] > 0)
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.abort_reasons == ["way blocked"]
+    assert sum("climbing" in text for text in flight.texts if "ahead" in text) == 1
+
+
+def test_a_ceiling_that_comes_down_brings_the_vehicle_down_and_a_gust_beyond_it_is_no_fault() -> None:
+    flight = Flight([], height=30.0)
+    flight.run(10)
+    flight.fence = Geofence(highest_m=20.0)
+    flight.run(30)
+    assert math.isclose(flight.position[2], 20.0, abs_tol=0.5)
