@@ -3,7 +3,8 @@
 A wire or wall returns again at the same place; a speck does not. A return is judged by the rays of its own
 scan and of those before and after it that passed through a ball around it: it is a speck as soon as the
 thinnest wire would have returned three times or more, and nothing did but what the air before the ball
-explains. Until then it counts as an object.
+explains. Until then it is undecided: it may be ground or a thin object for the map, which judges again, and
+an obstacle only once another ray ends there, too.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from slz.column_table import ColumnTable
 from slz.frame import LocalFrame, is_known
-from slz.kernels.points.ray_image import fill_image, first_cells
+from slz.kernels.points.ray_image import HITS, fill_image, first_cells
 from slz.kernels.points.speck_likelihood import LEAST_BALL_M, MOST_BALL_M, SHELLS, SLOTS, judge, judge_again
 from slz.kernels.points.speck_likelihood import OBJECT as _OBJECT
 from slz.kernels.points.speck_likelihood import SPECK as _SPECK
@@ -43,7 +44,7 @@ class ReturnKind(IntEnum):
 
     OBJECT = _OBJECT
     UNDECIDED = _UNDECIDED
-    """Alone, and too few rays passed to say that no wire is there: counts as an object."""
+    """Alone, and too few rays passed to say that no wire is there; see `SpeckDetector.seen_again`."""
     SPECK = _SPECK
 
 
@@ -91,14 +92,10 @@ class SpeckDetector:
         self.specks = 0
 
     @property
-    def waiting_enu_m(self) -> Floats:
-        """Undecided returns (n, 3) of the last seconds, which count as objects."""
-        return self._waiting.points
-
-    @property
-    def waiting_ns(self) -> NDArray[np.int64]:
-        """Their stamps (n,)."""
-        return self._waiting.stamp_ns
+    def seen_again(self) -> tuple[Floats, NDArray[np.int64]]:
+        """Undecided returns (n, 3) of the last seconds beside which another ray ended, and their stamps."""
+        again = self._waiting.counts[:, HITS] > 0
+        return self._waiting.points[again], self._waiting.stamp_ns[again]
 
     def forget(self) -> None:
         """Drop all rays and undecided returns: the position estimate moved."""

@@ -147,7 +147,8 @@ def score(noise: Noise, solids: Sequence[Solid], rate_hz: int, seed: int) -> Sco
         now_ns = int(seen.scan.stamp_ns[-1])
         if seen.hazard.any() and out.first_ns is None:
             out.first_ns = now_ns
-        waiting = detector.waiting_enu_m[_on(detector.waiting_enu_m, solids)]
+        undecided, _ = detector.seen_again
+        waiting = undecided[_on(undecided, solids)]
         if (seen.hazard & ~speck).any():
             kept_ns = now_ns
             out.kept_ns = now_ns if out.kept_ns is None else out.kept_ns

@@ -24,8 +24,8 @@ class RecentObstacles:
     """Returns of the last seconds in the map frame, which the map does not show yet, without specks.
 
     A window becomes a map a second or two after it was seen. Returns of objects are thinned; memory and time
-    are bounded by a ring buffer of `CAPACITY` returns, read by kernels. Undecided returns are those that
-    `specks` has now, and are not thinned, since a wire may have no other.
+    are bounded by a ring buffer of `CAPACITY` returns, read by kernels. Of the undecided returns that
+    `specks` has now, those that came back count, and are not thinned, since a wire may have no others.
 
     Attributes
     ----------
@@ -76,8 +76,7 @@ class RecentObstacles:
         oldest = now_ns - self._keep_ns
         axes = np.ascontiguousarray(enu_from_level(pose))
         n = 0
-        undecided = self._specks.waiting_enu_m, self._specks.waiting_ns
-        for points, stamps in (undecided, (self._points, self._stamps)):
+        for points, stamps in (self._specks.seen_again, (self._points, self._stamps)):
             n += levelled(points, stamps, oldest, pose.position_enu_m, axes, self._out[n:])
         return self._out[:n]
 

@@ -67,14 +67,21 @@ class View:
 LONE = np.array([[4.0, 0.3, 10.2]])
 
 
-def test_a_lone_return_counts_until_rays_contradict_it() -> None:
+def test_a_lone_return_is_undecided_and_seen_again_as_soon_as_another_ray_ends_there() -> None:
     view = View()
     kinds = view.detector.classify(view.scan(LONE))
     assert kinds[0] == ReturnKind.UNDECIDED
-    assert (view.detector.waiting_enu_m == LONE).all(axis=1).any()
-    for _ in range(20):
-        view.look(1)
-    assert not (view.detector.waiting_enu_m == LONE).all(axis=1).any()
+    assert not is_seen_again(view, LONE)
+    beside = LONE + np.array([[0.0, 0.1, 0.0]])
+    assert view.detector.classify(view.scan(beside))[0] == ReturnKind.OBJECT
+    assert is_seen_again(view, LONE)
+    view.look(20)
+    assert not is_seen_again(view, LONE), "rays contradict it"
+
+
+def is_seen_again(view: View, place: Floats) -> bool:
+    points, _ = view.detector.seen_again
+    return bool((points == place).all(axis=1).any())
 
 
 def test_a_lone_return_where_nothing_was_before_is_a_speck_at_once() -> None:
