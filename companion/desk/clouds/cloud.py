@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from companion.desk.clouds import memory_limit
 from companion.desk.clouds.cloud_format import cloud_format_of
-from companion.desk.clouds.cloud_source import Source
+from companion.desk.clouds.cloud_source import NO_STEPS, Source
 from companion.desk.clouds.crs import Reference, from_option
 from companion.desk.clouds.las import open_las
 from companion.desk.clouds.pcd import open_pcd
@@ -30,7 +30,8 @@ class GeoreferencedCloud:
     points: (n, 3) float64, x y z in the units of `reference`, finite. gps_s: (n,) float64, or None unless
     all files have times of one clock. dropped: points left out, by reason. coordinate_spacing: between
     neighbouring x or y coordinates, in CRS units, where a file holds 32-bit floating point numbers; 0 where
-    none does. attributes: of the points, None where none was asked for or no file has any.
+    none does. attributes: of the points, None where none was asked for or no file has any. scales: the
+    coarsest of the files', see `Source`.
     """
 
     points: NDArray[np.float64]
@@ -40,6 +41,7 @@ class GeoreferencedCloud:
     dropped: dict[str, int]
     coordinate_spacing: float = 0.0
     attributes: PointAttributes | None = None
+    scales: tuple[float, float, float] = NO_STEPS
 
 
 def read(
@@ -115,6 +117,11 @@ def read(
         dict(dropped),
         coordinate_spacing,
         join_attributes(attributes) if any(map(_is_known, attributes)) else None,
+        (
+            max(source.scales[0] for source in sources),
+            max(source.scales[1] for source in sources),
+            max(source.scales[2] for source in sources),
+        ),
     )
 
 

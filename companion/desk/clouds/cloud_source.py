@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # the reader's process needs none of the method's kernels, wh
     from slz import PointAttributes
 
 CHUNK = 1_000_000  # points
+NO_STEPS = (0.0, 0.0, 0.0)
 # Errors due to a file's name, or to an offset in a corrupt header: they would occur again.
 LASTING = frozenset(
     {errno.ENOENT, errno.EACCES, errno.EPERM, errno.EISDIR, errno.ENOTDIR, errno.EINVAL, errno.EOVERFLOW}
@@ -63,6 +64,10 @@ class Source(Protocol):
     @property
     def single(self) -> bool:
         """True if coordinates are 32-bit floating point numbers."""
+
+    @property
+    def scales(self) -> tuple[float, float, float]:
+        """Steps of x, y and z, in units of the CRS; 0 for floating point numbers."""
 
     def chunks(self) -> Iterator[Chunk]:
         """Read the points.

@@ -12,6 +12,7 @@ from companion.runtime.errors import UsageError
 SHORTEST, SHORTEST_1_4 = 227, 375  # bytes of a LAS header (ASPRS LAS 1.4 R15, table 3)
 FORMAT_AT, COMPRESSED = 104, 0xC0  # offset of the point format, and its two highest bits
 RECORD_BYTES, EXTENDED_BYTES = 54, 60  # smallest variable length record and extended one
+EXTENDED_LENGTH_AT = 20  # of the bytes behind an extended record's head
 
 
 def check_header(path: Path) -> None:
@@ -27,6 +28,7 @@ def check_header(path: Path) -> None:
             head = file.read(SHORTEST_1_4)
             size = path.stat().st_size
             chunks = _chunks(file, head, size)
+            records_end = _extended_end(file, head, size)
     except FileNotFoundError:
         raise UsageError(f"{path}: no such file") from None
     except OSError as error:
@@ -48,10 +50,23 @@ def check_header(path: Path) -> None:
         )
     if header_size < (SHORTEST_1_4 if minor == 4 else SHORTEST) or needed > points_at:
         raise UsageError(f"{path}: its header is corrupt: copy it again")
-    if minor == 4 and len(head) == SHORTEST_1_4:
-        start, extended = struct.unpack_from("<QI", head, 235)
-        if extended and start + extended * EXTENDED_BYTES > size:
-            raise UsageError(f"{path}: it is truncated, its last records are missing: copy it again")
+    if records_end > size:  # laspy would allocate memory for them
+        raise UsageError(f"{path}: it is truncated or corrupt in its last records: copy it again")
+
+
+def _extended_end(file: BinaryIO, head: bytes, size: int) -> int:
+    """Return the end of the extended records by their own lengths, 0 without any."""
+    if len(head) < SHORTEST_1_4 or head[25] != 4:
+        return 0
+    at, extended = struct.unpack_from("<QI", head, 235)
+    if not extended:
+        return 0
+    for _ in range(extended):
+        length = _number(file, at + EXTENDED_LENGTH_AT, "<Q")
+        if length is None:
+            return size + 1
+        at += EXTENDED_BYTES + length
+    return int(at)
 
 
 def _chunks(file: BinaryIO, head: bytes, size: int) -> int:

@@ -12,7 +12,7 @@ import laspy
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.desk.clouds.cloud_source import CHUNK, Chunk, Clock, translated
+from companion.desk.clouds.cloud_source import CHUNK, NO_STEPS, Chunk, Clock, translated
 from companion.desk.clouds.crs import Reference, of_header
 from companion.desk.clouds.header_check import check_header
 from companion.desk.clouds.laz_chunks import check_chunks, check_none_follow
@@ -79,6 +79,7 @@ class LasSource:
     low: tuple[float, float] | None = None
     """Least x and y in the header."""
     high: tuple[float, float] | None = None
+    scales: tuple[float, float, float] = NO_STEPS
 
     def chunks(self) -> Iterator[Chunk]:
         for piece in pieces(self.path, self.n_points):
@@ -140,12 +141,14 @@ def open_las(path: Path, given: Reference | None, vertical_unit: str | None = No
         n_points = int(header.point_count)
         names = set(header.point_format.dimension_names)
         standard = bool(header.global_encoding.gps_time_type)
-        if not n_points:
-            raise UsageError(f"{path}: it holds no points")
         scales = [float(scale) for scale in header.scales]
         if not all(math.isfinite(scale) and scale != 0 for scale in scales):
             told = ", ".join(f"{scale:g}" for scale in scales)
             raise UsageError(f"{path}: its header is corrupt, its scales are {told}: copy it again")
+        offsets = [float(offset) for offset in header.offsets]
+        if not all(math.isfinite(offset) for offset in offsets):
+            told = ", ".join(f"{offset:g}" for offset in offsets)
+            raise UsageError(f"{path}: its header is corrupt, its offsets are {told}: copy it again")
         size, least = path.stat().st_size, int(header.offset_to_point_data)
         point_bytes = int(header.point_format.size)
         if not header.are_points_compressed:
@@ -159,6 +162,8 @@ def open_las(path: Path, given: Reference | None, vertical_unit: str | None = No
                 check_chunks(path, least, point_bytes, bytes(packing.record_data), n_points)
         else:
             check_none_follow(path, n_points, (_end(header, size) - least) // point_bytes)
+        if not n_points:
+            raise UsageError(f"{path}: it holds no points")
         clock: Clock | None = ("standard" if standard else "week") if "gps_time" in names else None
         corners = [(float(edge[0]), float(edge[1])) for edge in (header.mins, header.maxs)]
         seekable = not any(vlr.user_id == COPC for vlr in header.vlrs)
@@ -170,6 +175,7 @@ def open_las(path: Path, given: Reference | None, vertical_unit: str | None = No
             seekable=seekable,
             low=corners[0],
             high=corners[1],
+            scales=(abs(scales[0]), abs(scales[1]), abs(scales[2])),
         )
 
 

@@ -1,7 +1,8 @@
-"""Reader of PCD files of the Point Cloud Library: ascii, binary and binary_compressed (PCD 0.7).
+"""Reader of PCD files of the Point Cloud Library: ascii, binary and binary_compressed (PCD .5 to 0.7).
 
 A text header up to DATA, then lines of numbers, records, or one LZF block that holds the points field by
-field. VIEWPOINT, the sensor's pose, is not applied: coordinates stay unchanged.
+field; where that would not be smaller, pypcd stores the block as it is. VIEWPOINT, the sensor's pose, is not
+applied: coordinates stay unchanged. In the first versions SIZE, TYPE, COUNT, WIDTH and HEIGHT may be missing.
 """
 
 from __future__ import annotations
@@ -17,14 +18,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.desk.clouds import memory_limit
-from companion.desk.clouds.cloud_source import CHUNK, Chunk, finite, translated
+from companion.desk.clouds.cloud_source import CHUNK, NO_STEPS, Chunk, finite, translated
 from companion.desk.clouds.crs import Reference
+from companion.desk.clouds.laz_chunks import check_none_follow
 from companion.desk.clouds.records import (
     MOST_HEADER,
     RecordLayout,
     from_lines,
     from_records,
+    header_line,
     layout_of,
+    legible,
     truncated,
 )
 from companion.runtime.errors import UsageError
@@ -44,7 +48,8 @@ WORDS = frozenset(
         "DATA",
     ]
 )
-TYPES = {("F", 4), ("F", 8)} | {(kind, size) for kind in "IU" for size in (1, 2, 4, 8)}
+BOOL = ("B", 1)
+TYPES = {("F", 4), ("F", 8), BOOL} | {(kind, size) for kind in "IU" for size in (1, 2, 4, 8)}
 MOST_COUNT = 1 << 20  # numbers in a field
 MOST_RATIO = 100  # of LZF, where three bytes become at most 264
 
@@ -78,6 +83,7 @@ class PcdSource:
     start: int
     fields: tuple[Field, ...] = ()
     clock: None = None
+    scales: tuple[float, float, float] = NO_STEPS
 
     @property
     def single(self) -> bool:
@@ -138,6 +144,7 @@ class PcdSource:
             yield finite(points)
         if n < self.n_points:
             raise truncated(self.path, n, self.n_points)
+        check_none_follow(self.path, n, sum(bool(line.strip(" \r\n\t\0\x1a")) for line in lines))
 
     def _unpacked(self, file: BinaryIO) -> Iterator[Chunk]:
         plain = self._plain(file)
@@ -162,6 +169,8 @@ class PcdSource:
         packed = file.read(packed_bytes)
         if len(packed) < packed_bytes:
             raise truncated(self.path, 0, self.n_points)
+        if packed_bytes == plain_bytes == self.n_points * self.layout.record_bytes:
+            return np.frombuffer(packed, np.uint8)
         if plain_bytes != self.n_points * self.layout.record_bytes or plain_bytes > packed_bytes * MOST_RATIO:
             raise UsageError(f"{self.path}: it is corrupt, its sizes contradict each other: copy it again")
         memory_limit.check_bytes(plain_bytes, self.path)
@@ -186,7 +195,10 @@ def open_pcd(path: Path, reference: Reference) -> PcdSource:
         words = _header(file, path)
         start, size = file.tell(), path.stat().st_size
         names = words.get("FIELDS") or words.get("COLUMNS") or []
-        kinds, sizes = words.get("TYPE", []), _numbers(words, "SIZE", path, [])
+        data = " ".join(words["DATA"]).lower()
+        default = [4] * len(names) if data == "ascii" else []  # where lines tell where a field ends
+        sizes = _numbers(words, "SIZE", path, default)
+        kinds = [kind.upper() for kind in words.get("TYPE", ["F"] * len(default))]
         counts = _numbers(words, "COUNT", path, [1] * len(names))
         if not names or not len(names) == len(kinds) == len(sizes) == len(counts):
             raise _corrupt(path, "FIELDS, SIZE, TYPE and COUNT differ in length")
@@ -195,10 +207,12 @@ def open_pcd(path: Path, reference: Reference) -> PcdSource:
         unknown = [f"{t}{s}" for t, s in zip(kinds, sizes, strict=True) if (t, s) not in TYPES]
         if unknown:
             raise _corrupt(path, f"{unknown[0]!r} is no type")
-        forms = [f"<{kind.lower()}{size}" for kind, size in zip(kinds, sizes, strict=True)]
+        forms = [
+            "<u1" if (kind, size) == BOOL else f"<{kind.lower()}{size}"
+            for kind, size in zip(kinds, sizes, strict=True)
+        ]
         layout = layout_of(path, zip(names, forms, counts, strict=True))
         n_points = _count(words, path)
-        data = " ".join(words["DATA"])
         if data not in ("ascii", "binary", "binary_compressed"):
             raise _corrupt(path, f"DATA {data[:40]!r} is not known")
         least = {"ascii": 2 * sum(counts) * n_points, "binary": layout.record_bytes * n_points}.get(data, 8)
@@ -207,6 +221,10 @@ def open_pcd(path: Path, reference: Reference) -> PcdSource:
                 f"{path}: it is truncated, {size} bytes where its header asks for {start + least}:"
                 " copy it again"
             )
+        if data == "binary":
+            check_none_follow(path, n_points, _filled(file, start + least, layout.record_bytes))
+        if not n_points:
+            raise UsageError(f"{path}: it holds no points")
         fields = _fields(names, forms, counts)
         return PcdSource(path, n_points, reference, layout, data, start, fields)
 
@@ -214,30 +232,41 @@ def open_pcd(path: Path, reference: Reference) -> PcdSource:
 def _header(file: BinaryIO, path: Path) -> dict[str, list[str]]:
     words: dict[str, list[str]] = {}
     while "DATA" not in words:
-        line = file.readline(MOST_HEADER)
+        line = header_line(file, path).removeprefix(b"\xef\xbb\xbf")
         if not line.endswith(b"\n") or file.tell() > MOST_HEADER:
             raise UsageError(f"{path}: it is no PCD file, or truncated within its header")
         first, *rest = line.decode("ascii", "replace").split() or ["#"]
         if first.startswith("#"):
             continue
-        if first not in WORDS or first in words:
+        first = first.upper()
+        if first not in WORDS:
+            shown = legible(line)
             raise _corrupt(
-                path, f"{first[:20]!r} is not known" if first not in WORDS else f"{first} is twice"
+                path, "it has bytes that are no text" if shown is None else f"{shown!r} is not known"
             )
+        if first in words:
+            raise _corrupt(path, f"{first} is twice")
         words[first] = rest
     return words
 
 
 def _count(words: dict[str, list[str]], path: Path) -> int:
     """Return the number of points; WIDTH and HEIGHT must agree with POINTS."""
-    (width,) = _numbers(words, "WIDTH", path, [-1])[:1] or [-1]
+    (told,) = _numbers(words, "POINTS", path, [-1])[:1] or [-1]
     (height,) = _numbers(words, "HEIGHT", path, [1])[:1] or [-1]
-    (points,) = _numbers(words, "POINTS", path, [width * height])[:1] or [-1]
+    (width,) = _numbers(words, "WIDTH", path, [told if height == 1 else -1])[:1] or [-1]
+    points = told if "POINTS" in words else width * height
     if width < 0 or height < 0 or points != width * height:
         raise _corrupt(path, "WIDTH, HEIGHT and POINTS contradict each other")
-    if not points:
-        raise UsageError(f"{path}: it holds no points")
     return points
+
+
+def _filled(file: BinaryIO, end: int, record_bytes: int) -> int:
+    """Return the number of whole records behind the last point, 0 if they are padding."""
+    file.seek(0, 2)
+    size = file.tell()
+    file.seek(end)
+    return (size - end) // record_bytes if any(file.read(record_bytes)) else 0
 
 
 def _numbers(words: dict[str, list[str]], name: str, path: Path, default: list[int]) -> list[int]:

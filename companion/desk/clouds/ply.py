@@ -10,15 +10,17 @@ from typing import BinaryIO
 
 import numpy as np
 
-from companion.desk.clouds.cloud_source import Chunk, finite, translated
+from companion.desk.clouds.cloud_source import NO_STEPS, Chunk, finite, translated
 from companion.desk.clouds.crs import Reference
+from companion.desk.clouds.laz_chunks import check_none_follow
 from companion.desk.clouds.records import (
     MOST_HEADER,
-    MOST_LINE,
     RecordLayout,
     from_lines,
     from_records,
+    header_line,
     layout_of,
+    legible,
     truncated,
 )
 from companion.runtime.errors import UsageError
@@ -28,6 +30,7 @@ TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2",
     "ushort": "u2", "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4",
     "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
+    "int64": "i8", "uint64": "u8",  # beyond the format, as programs write times
 }  # fmt: skip
 
 
@@ -55,6 +58,7 @@ class PlySource:
     start: int
     skipped_lines: int
     clock: None = None
+    scales: tuple[float, float, float] = NO_STEPS
 
     @property
     def single(self) -> bool:
@@ -95,8 +99,6 @@ def open_ply(path: Path, reference: Reference) -> PlySource:
             before.append(element)
         else:
             raise UsageError(f"{path}: it has no vertices")
-        if not element.count:
-            raise UsageError(f"{path}: it holds no points")
         lists = [part.name for part in (*before, element) if part.has_list]
         if lists and (element.has_list or form != "ascii"):
             raise UsageError(
@@ -114,14 +116,18 @@ def open_ply(path: Path, reference: Reference) -> PlySource:
             raise UsageError(
                 f"{path}: it is truncated, {size} bytes where its header asks for {least}: copy it again"
             )
+        if not is_text and element is elements[-1]:
+            check_none_follow(path, element.count, (size - least) // layout.record_bytes)
+        if not element.count:
+            raise UsageError(f"{path}: it holds no points")
         return PlySource(path, element.count, reference, layout, is_text, start, lines if is_text else 0)
 
 
 def _header(file: BinaryIO, path: Path) -> tuple[str, list[_Element]]:
     form, elements = "", list[_Element]()
-    file.readline(MOST_LINE)
+    header_line(file, path)
     while True:
-        line = file.readline(MOST_LINE)
+        line = header_line(file, path)
         if not line.endswith(b"\n") or file.tell() > MOST_HEADER:
             raise UsageError(f"{path}: it is truncated or corrupt within its header: copy it again")
         match line.decode("ascii", "replace").split():
@@ -137,9 +143,10 @@ def _header(file: BinaryIO, path: Path) -> tuple[str, list[_Element]]:
                 elements[-1].has_list = True
             case ["property", kind, name] if elements and form and kind in TYPES:
                 elements[-1].fields.append((name, FORMATS[form] + TYPES[kind], 1))
-            case words:
-                shown = " ".join(words)[:40]
-                raise UsageError(f"{path}: its header is corrupt, {shown!r} is not known: copy it again")
+            case _:
+                shown = legible(line)
+                what = "it has bytes that are no text" if shown is None else f"{shown!r} is not known"
+                raise UsageError(f"{path}: its header is corrupt, {what}: copy it again")
     if not form:
         raise UsageError(f"{path}: its header is corrupt, it names no format: copy it again")
     return form, elements

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -17,6 +18,8 @@ from companion.runtime.errors import UsageError
 
 MOST_HEADER = 1 << 16  # bytes
 MOST_LINE = 1 << 16
+# As Windows and Fortran write what is no number.
+_NO_NUMBER = re.compile(r"[+-]?(?:nan\([a-z]*\)|1\.#(?:ind|qnan|snan|inf)\d*)", re.IGNORECASE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +63,8 @@ def layout_of(path: Path, fields: Iterable[tuple[str, str, int]]) -> RecordLayou
     """
     found: dict[str, tuple[int, str, int]] = {}
     at = column = 0
-    for name, form, count in fields:
+    for spelt, form, count in fields:
+        name = spelt.lower()
         size = np.dtype(form).itemsize
         if name in ("x", "y", "z"):
             if name in found:
@@ -106,13 +110,47 @@ def from_lines(
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # warns only if all lines are empty
             try:
-                points = np.loadtxt(
-                    some, np.float64, None, separator, usecols=columns, ndmin=2, quotechar='"'
-                )
+                points = _numbers(some, columns, separator)
             except ValueError:
-                raise UsageError(_bad_line(path, some, columns, separator)) from None
+                some = [_NO_NUMBER.sub("nan", line) for line in some]
+                try:
+                    points = _numbers(some, columns, separator)
+                except ValueError:
+                    raise UsageError(_bad_line(path, some, columns, separator)) from None
         n += len(points)
         yield points.reshape(-1, 3)
+
+
+def _numbers(lines: list[str], columns: tuple[int, ...], separator: str | None) -> NDArray[np.float64]:
+    return np.loadtxt(lines, np.float64, None, separator, usecols=columns, ndmin=2, quotechar='"')
+
+
+def header_line(file: BinaryIO, path: Path) -> bytes:
+    """Read a line of a header.
+
+    Raises
+    ------
+    UsageError
+        Carriage returns alone end its lines.
+    """
+    line = file.readline(MOST_LINE)
+    refuse_carriage_returns(line, path)
+    return line
+
+
+def refuse_carriage_returns(line: bytes, path: Path) -> None:
+    """Refuse lines that end with a carriage return alone, as old Macintosh programs wrote them."""
+    head, mark, _ = line.rstrip(b"\r\n").partition(b"\r")
+    if mark and legible(head) is not None:
+        raise UsageError(
+            f"{path}: its lines end with carriage returns alone: write line feeds (as mac2unix does)"
+        )
+
+
+def legible(data: bytes) -> str | None:
+    """Return ASCII bytes without control characters as text of at most 40 characters, else None."""
+    text = " ".join(data.decode("ascii", "replace").split())
+    return text[:40] if text.isascii() and text.isprintable() else None
 
 
 def stacked(records: NDArray[np.void]) -> NDArray[np.float64]:
@@ -138,5 +176,7 @@ def _bad_line(path: Path, lines: list[str], columns: tuple[int, ...], separator:
             [float(words[k]) for k in columns]
         except (ValueError, IndexError):
             shown = " ".join(line.split())[:60]
+            if not shown.isprintable() or "\ufffd" in shown:
+                return f"{path}: it has bytes among its points that are no text: copy it again"
             return f"{path}: {shown!r} is no point of {max(columns) + 1} or more numbers: correct it"
     return f"{path}: its lines are not of numbers: correct them"

@@ -14,9 +14,10 @@ from itertools import islice
 from pathlib import Path
 from typing import BinaryIO
 
-from companion.desk.clouds.cloud_source import CHUNK, Chunk, finite, translated
+from companion.desk.clouds.cloud_source import CHUNK, NO_STEPS, Chunk, finite, translated
 from companion.desk.clouds.crs import Reference
-from companion.desk.clouds.records import MOST_LINE, from_lines, truncated
+from companion.desk.clouds.laz_chunks import check_none_follow
+from companion.desk.clouds.records import MOST_LINE, from_lines, refuse_carriage_returns, truncated
 from companion.desk.clouds.text_fields import (
     DECIMAL_COMMA,
     columns_of,
@@ -55,6 +56,7 @@ class TextSource:
     reference: Reference
     beginning: Beginning
     clock: None = None
+    scales: tuple[float, float, float] = NO_STEPS
     single: bool = False
 
     def chunks(self) -> Iterator[Chunk]:
@@ -80,6 +82,8 @@ class TextSource:
                     yield finite(found)
             if begin.count is not None and n < begin.count:
                 raise truncated(self.path, n, begin.count)
+            if begin.count is not None:
+                check_none_follow(self.path, begin.count, n - begin.count)
 
 
 def open_text(path: Path, reference: Reference) -> TextSource:
@@ -193,6 +197,8 @@ def _refuse_units(path: Path, begin: Beginning, reference: Reference) -> None:
 
 def _text(file: BinaryIO, path: Path) -> Iterator[str]:
     while line := file.readline(MOST_LINE):
+        refuse_carriage_returns(line, path)
+        line = line.rstrip(b"\r\n\x1a")  # Ctrl-Z ends text of DOS
         if len(line) == MOST_LINE:
             raise UsageError(f"{path}: it is no text, a line is longer than {MOST_LINE} bytes")
         yield line.decode("utf-8-sig", "replace")

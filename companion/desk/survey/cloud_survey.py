@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from companion.desk.clouds import memory_limit
 from companion.desk.clouds.cloud import GeoreferencedCloud
+from companion.desk.survey.coordinate_steps import check_steps
 from companion.desk.survey.local_metres import Metric, metric_for
 from companion.desk.survey.point_density import coverage_for, density_per_m2
 from companion.desk.survey.stray_points import inlier_mask
@@ -45,6 +46,7 @@ def survey(cloud: GeoreferencedCloud, parameters: Parameters) -> CloudSurvey:
         raise UsageError("no point is left: all are higher than 20 km; is the vertical unit right?")
     low, high = points.min(axis=0), points.max(axis=0)
     metric = metric_for(cloud.reference, low, high, parameters.cell_m)
+    check_steps("the cloud", cloud.scales, (metric.x_m, metric.y_m, metric.z_m), parameters)
     width, height = (float(v) for v in (high - low)[:2] * (metric.x_m, metric.y_m))
     memory_limit.check_cells(width, height, parameters.cell_m, len(points))
     points = metric.local(points)

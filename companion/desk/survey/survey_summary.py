@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import Any
 
 from companion.desk.clouds.unit_statements import unit_name
+from companion.desk.survey.coordinate_steps import COARSE
 from companion.desk.survey.findings import Findings
 from companion.desk.survey.no_zone import maybe_water, reason
 from params import Parameters
 
-COARSE = 0.25  # of a cell
 WGS84_ERROR_M = 2.0  # greater errors get a warning, since vehicles land by latitude and longitude
 
 

@@ -16,10 +16,12 @@ from companion.desk.clouds.las import open_las
 from companion.desk.replay.clouds.gps_time import NAMES, first_by_header, resolve_times
 from companion.desk.replay.foreign_replay import Act, Rerun
 from companion.desk.replay.time_of_day import time_of_day
+from companion.desk.survey.coordinate_steps import check_steps
 from companion.runtime.errors import UsageError
 from slz import Scan
 
 SCAN_NS = 50_000_000
+DEGREE_M = 111_320.0  # of longitude at the equator, the longest
 
 
 class StoredCloud:
@@ -62,12 +64,13 @@ class StoredCloud:
         self._attributes = None if cloud.attributes is None else cloud.attributes.select(order)
         self._outside = len(times.fits) - len(order)
         self._clock, self._header = times.kind, clock
-        self._reference = cloud.reference.name
+        self._path, self._scales = path, cloud.scales
+        self._reference = cloud.reference
         self._without_frame = 0
 
     def summary(self) -> dict[str, Any]:
         return {
-            "crs": self._reference,
+            "crs": self._reference.name,
             "points": len(self._stamp_ns) + self._outside,
             "points_outside_log": self._outside,
             "before_position": self._without_frame,
@@ -76,6 +79,9 @@ class StoredCloud:
         }
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
+        unit_m = self._reference.unit_m or DEGREE_M
+        lengths_m = unit_m, unit_m, self._reference.vertical_m
+        check_steps(str(self._path), self._scales, lengths_m, rerun.parameters)
         begin = 0
         while begin < len(self._stamp_ns):
             end_ns = int(self._stamp_ns[begin]) + SCAN_NS

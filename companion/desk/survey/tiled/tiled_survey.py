@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from companion.desk.clouds.cloud_source import Source
+from companion.desk.survey.coordinate_steps import check_steps
 from companion.desk.survey.files import geotiff
 from companion.desk.survey.findings import MapFiles
 from companion.desk.survey.local_metres import Metric
@@ -107,6 +108,8 @@ class TiledSurvey:
         p = self._parameters
         sources, skipped = plan.open_clouds(self._files, self._crs, self._vertical_unit)
         guess = first_guess(sources, p.cell_m)
+        for source in sources:
+            check_steps(str(source.path), source.scales, (guess.x_m, guess.y_m, guess.z_m), p)
         self._check_room(sources)
         wanted = plan.manifest(self._files, self._crs, p, guess, self._side, self._vertical_unit)
         if self._corridors:
