@@ -218,7 +218,8 @@ class Telemetry:
             landed = mavlink.MAV_LANDED_STATE_TAKEOFF
         elif ap.airborne and ap.mode is Mode.LAND:
             landed = mavlink.MAV_LANDED_STATE_LANDING
-        return mavlink.MAVLink_extended_sys_state_message(0, landed)
+        # ArduCopter reports a VTOL that hovers, whatever it is.
+        return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_MC, landed)
 
     def _timesync(self) -> Any:
         return mavlink.MAVLink_timesync_message(0, self._ap.boot_ns)

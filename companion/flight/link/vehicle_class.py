@@ -34,13 +34,12 @@ def no_command_reason(autopilot: Autopilot, vehicle_type: int, vtol_state: int |
     vtol_state
         MAV_VTOL_STATE of EXTENDED_SYS_STATE, or `VTOL_UNHEARD`; None before the first.
     """
-    is_vtol = vtol_state not in (None, NO_VTOL)
     if autopilot == "ardupilot":
-        if (
-            is_vtol or vehicle_type in VTOL_TYPES
-        ):  # it takes no velocities and has other modes, any Q_MAV_TYPE
+        # ArduPlane takes no velocities and has other modes. ArduCopter reports a hovering VTOL, always.
+        if vtol_state in VTOL_STATES or vehicle_type in VTOL_TYPES:
             return "ArduPlane"
         return "" if vehicle_type in COPTER_TYPES else type_name(vehicle_type)
+    is_vtol = vtol_state not in (None, NO_VTOL)
     if not is_vtol and vehicle_type not in VTOL_TYPES:
         return "" if vehicle_type in ROTARY_WINGS else type_name(vehicle_type)
     if vtol_state == VTOL_HOVERS:

@@ -19,6 +19,7 @@ WINGED = "VTOL in fixed-wing flight"
 @pytest.mark.parametrize(
     ("autopilot", "kind", "vtol_state", "reason"),
     [
+        *(("ardupilot", kind, MC, "") for kind in (QUADROTOR, HELICOPTER, 13, 14, 35)),  # as ArduCopter does
         *(("ardupilot", kind, UNDEFINED, "") for kind in (QUADROTOR, HELICOPTER, 13, 14, 35)),
         *(("px4", kind, UNDEFINED, "") for kind in (QUADROTOR, HELICOPTER, 13, 14, 35)),
         ("px4", QUADROTOR, None, ""),
@@ -33,7 +34,9 @@ WINGED = "VTOL in fixed-wing flight"
         ("px4", VTOL, UNDEFINED, "VTOL state unknown"),
         ("px4", VTOL, None, "VTOL state unknown"),
         ("px4", VTOL, 9, "VTOL state unknown"),
-        *(("ardupilot", kind, MC, "ArduPlane") for kind in (FIXED_WING, QUADROTOR, VTOL)),  # Q_MAV_TYPE
+        *(("ardupilot", kind, FW, "ArduPlane") for kind in (FIXED_WING, QUADROTOR, VTOL)),  # Q_MAV_TYPE
+        ("ardupilot", FIXED_WING, MC, "fixed wing"),
+        ("ardupilot", VTOL, MC, "ArduPlane"),
         ("ardupilot", VTOL, None, "ArduPlane"),
         ("ardupilot", ROVER, UNDEFINED, "ground rover"),
         ("px4", 11, UNDEFINED, "surface boat"),
@@ -65,6 +68,13 @@ def test_a_vtol_that_hovered_some_seconds_ago_may_be_on_the_wing_by_now(kind: in
 
 def test_a_multirotor_says_that_it_is_no_vtol_and_need_not_say_it_again() -> None:
     assert state_after(UNDEFINED, 60.0, QUADROTOR).no_command_reason == ""
+
+
+def test_arducopter_stays_a_multirotor_while_its_state_is_late() -> None:
+    beat = heartbeat(autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, kind=QUADROTOR)
+    state = reduce(VehicleState(), beat, S)
+    state = reduce(state, received(mavlink.MAVLink_extended_sys_state_message(MC, 2)), S)
+    assert reduce(state, beat, 31 * S).no_command_reason == ""
 
 
 def test_nothing_is_said_of_a_vehicle_that_nobody_has_heard() -> None:
