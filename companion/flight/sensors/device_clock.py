@@ -17,7 +17,8 @@ SETTLED_NS = 2_000_000_000  # for so long no packet was earlier than expected by
 NEWS_NS = 1_000_000
 DRIFT_BLOCKS = 5, 18  # complete blocks that a drift is measured over
 SPACING = 0.05  # weight of the newest packet in the usual time from packet to packet
-CERTAIN = 0.98  # least coefficient of determination of that line
+# Least coefficient of determination of that line: on a busy computer five delays are nearly in a line by chance.
+CERTAIN = 0.999, 0.98
 
 Point = tuple[int, int]  # stamp, arrival - stamp
 
@@ -68,10 +69,10 @@ class SensorClock:
         Where they are read at regular times, their waits can grow in a line, by less than the time from one
         packet to the next: so much is no drift.
         """
-        for blocks in DRIFT_BLOCKS:
+        for blocks, certain in zip(DRIFT_BLOCKS, CERTAIN, strict=True):
             points = list(self._least)[-blocks - 1 : -1]
             if len(points) == blocks and points[-1][0] - points[0][0] <= blocks * 2 * BLOCK_NS:
-                slope = _slope(points)
+                slope = _slope(points, certain)
                 if slope is not None and abs(slope) * (points[-1][0] - points[0][0]) > self._spacing_ns:
                     return -1e6 * slope
         return None
@@ -154,15 +155,15 @@ class SensorClock:
         self._anchor = (newest, min(d + round(self._drift * (newest - s)) for s, d in points))
 
 
-def _slope(points: list[Point]) -> float | None:
-    """Return the slope of the regression line, None where the points are in no line."""
+def _slope(points: list[Point], certain: float) -> float | None:
+    """Return the slope of the regression line, None where it determines less than that share."""
     x = [(stamp - points[0][0]) * 1e-9 for stamp, _ in points]
     y = [(delay - points[0][1]) * 1e-9 for _, delay in points]
     mean_x, mean_y = sum(x) / len(x), sum(y) / len(y)
     xx = sum((a - mean_x) ** 2 for a in x)
     xy = sum((a - mean_x) * (b - mean_y) for a, b in zip(x, y, strict=True))
     yy = sum((b - mean_y) ** 2 for b in y)
-    return xy / xx if xx > 0 and yy > 0 and xy * xy >= CERTAIN * xx * yy else None
+    return xy / xx if xx > 0 and yy > 0 and xy * xy >= certain * xx * yy else None
 
 
 def _lower_hull(points: list[Point]) -> list[Point]:

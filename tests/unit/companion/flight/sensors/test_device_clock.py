@@ -166,3 +166,13 @@ def test_a_step_forward_counts_if_it_is_more_than_a_packet() -> None:
     stamp, true, _ = feed(clock, 5, most_late_ns=0)
     feed(clock, 1, stamp_ns=stamp + PERIOD + 12 * MS, arrival_ns=true + PERIOD, most_late_ns=0)
     assert (clock.steps, clock.last_step_ns) == (1, 12 * MS)
+
+
+def test_delays_that_grow_nearly_in_a_line_on_a_busy_computer_are_no_drift() -> None:
+    clock, told = SensorClock(), []
+    for k, late_ms in enumerate((1, 1, 1, 1, 1, 4, 6.4, 10, 12.6, 16, 16, 16, 16)):
+        for i in range(100):
+            stamp = (k * 100 + i) * 5_000_000
+            clock.observe(stamp, stamp + round(late_ms * 1e6))
+            told.append(clock.drift_ppm)
+    assert set(told) == {None}
