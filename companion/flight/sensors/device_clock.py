@@ -17,7 +17,7 @@ SETTLED_NS = 2_000_000_000  # for so long no packet was earlier than expected by
 NEWS_NS = 1_000_000
 DRIFT_BLOCKS = 5, 18  # complete blocks that a drift is measured over
 SPACING = 0.05  # weight of the newest packet in the usual time from packet to packet
-# Least coefficient of determination of that line: on a busy computer five delays are nearly in a line by chance.
+# Least coefficient of determination of that line: on a busy computer five delays are nearly in one by chance.
 CERTAIN = 0.999, 0.98
 
 Point = tuple[int, int]  # stamp, arrival - stamp
