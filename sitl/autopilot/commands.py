@@ -310,7 +310,7 @@ class Commands:
     def _landing_target(self, message: Any, _link: int) -> None:
         p = self._ap.parameters
         if p["PLND_ENABLED"] and p["PLND_TYPE"] == 1:
-            text = self._ap.precland.receive(message, self._ap.now_ns, p["PLND_LAG"])
+            text = self._ap.precland.receive(message, self._ap.now_ns, p)
             if text:
                 self._ap.send_text(text, mavlink.MAV_SEVERITY_WARNING)
 
@@ -321,7 +321,10 @@ class Commands:
             self._ap.rangefinder = (self._ap.now_ns, distance_m)
 
     def _obstacle_distance(self, message: Any, _link: int) -> None:
-        self._ap.proximity.receive(message, self._ap.now_ns)
+        p = self._ap.parameters
+        self._ap.proximity.receive(
+            message, self._ap.now_ns, mirrored=p["PRX1_ORIENT"] == 1, turned_deg=p["PRX1_YAW_CORR"]
+        )
 
     def _obstacle_distance_3d(self, message: Any, _link: int) -> None:
         self._ap.proximity.receive_3d(message, self._ap.now_ns)

@@ -20,6 +20,7 @@ DEFAULTS: dict[str, float] = {
     "BATT_LOW_TIMER": 10,  # s
     "BATT_LOW_VOLT": 10.5,
     "DISARM_DELAY": 10,
+    "EK3_RNG_USE_HGT": -1,
     "EK3_DRAG_MCOEF": 0.23,  # 1/s, of its vehicle, 8 % too low; ArduCopter's default 0 estimates no wind
     "FENCE_ACTION": 1,  # 0 reports, 1 returns or lands, 2 lands
     "FENCE_ALT_MAX": 100,
@@ -37,6 +38,7 @@ DEFAULTS: dict[str, float] = {
     "FS_GCS_ENABLE": 0,
     "FS_GCS_TIMEOUT": 5,
     "FS_THR_ENABLE": 1,
+    "GUID_OPTIONS": 0,
     "GUID_TIMEOUT": 3.0,
     "LAND_ALT_LOW": 1000,  # cm
     "LAND_REPOSITION": 1,
@@ -45,7 +47,14 @@ DEFAULTS: dict[str, float] = {
     "LOIT_SPEED": 1250,  # cm/s
     "PILOT_SPEED_UP": 250,
     "PLND_ENABLED": 1,
+    "PLND_ACC_P_NSE": 2.5,
+    "PLND_CAM_POS_X": 0,  # m forward
+    "PLND_CAM_POS_Y": 0,
+    "PLND_CAM_POS_Z": 0,
+    "PLND_LAND_OFS_X": 0,  # cm forward of the target
+    "PLND_LAND_OFS_Y": 0,
     "PLND_OPTIONS": 0,
+    "PLND_YAW_ALIGN": 0,  # 0.01 deg
     "PLND_TYPE": 1,
     "PLND_EST_TYPE": 1,
     "PLND_LAG": 0.02,
@@ -55,7 +64,9 @@ DEFAULTS: dict[str, float] = {
     "PLND_ALT_MIN": 0.75,
     "PLND_ALT_MAX": 8,
     "PLND_XY_DIST_MAX": 2.5,
+    "PRX1_ORIENT": 0,  # 1 mirrors
     "PRX1_TYPE": 0,
+    "PRX1_YAW_CORR": 0,  # deg
     "RALLY_INCL_HOME": 1,
     "RALLY_LIMIT_KM": 0.3,
     "RALLY_TOTAL": 0,
@@ -99,6 +110,13 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "LOIT_SPEED": (20, 3500),
     "PILOT_SPEED_UP": (10, 500),
     "PLND_EST_TYPE": (0, 1),
+    "EK3_RNG_USE_HGT": (-1, 70),
+    "PLND_CAM_POS_X": (-5, 5),
+    "PLND_CAM_POS_Y": (-5, 5),
+    "PLND_CAM_POS_Z": (-5, 5),
+    "PLND_LAND_OFS_X": (-1000, 1000),
+    "PLND_LAND_OFS_Y": (-1000, 1000),
+    "PLND_YAW_ALIGN": (0, 36_000),
     "PLND_LAG": (0.02, 0.25),
     "PLND_TIMEOUT": (0, 20),
     "PLND_STRICT": (0, 2),
@@ -106,6 +124,7 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "PLND_ALT_MIN": (0, 5),
     "PLND_ALT_MAX": (0, 50),
     "PLND_XY_DIST_MAX": (0, 10),
+    "PRX1_YAW_CORR": (-180, 180),
     "RALLY_INCL_HOME": (0, 1),
     "RNGFND1_MIN": (0, 100),
     "RNGFND1_MAX": (0, 1000),

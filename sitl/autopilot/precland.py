@@ -3,12 +3,15 @@
 Only MAV_FRAME_BODY_FRD with position_valid and a distance leads to the target. MAV_FRAME_LOCAL_FRD is
 accepted too, but leads elsewhere, because the vector is not rotated by the heading. The target is valid after
 two seconds of updates without a gap of half a second. When the updates stop, it is predicted for two seconds,
-and then lost.
+and then lost. Every target is turned by PLND_YAW_ALIGN and shifted by PLND_LAND_OFS and PLND_CAM_POS, which
+were meant for an IR-LOCK (AC_PrecLand.cpp).
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -46,7 +49,7 @@ class PrecisionLanding:
         """Store the pose, so that a target can be located with the pose of its own time."""
         self._poses.append((now_ns, estimate.pos_enu_m, estimate.quat_wxyz))
 
-    def receive(self, message: Any, now_ns: int, lag_s: float) -> str | None:
+    def receive(self, message: Any, now_ns: int, parameters: Mapping[str, float]) -> str | None:
         """Process a LANDING_TARGET; return a text for the operator when its frame is first refused."""
         if not message.position_valid or message.frame not in (BODY_FRD, LOCAL_FRD):
             if self.frame_refused or not message.position_valid:
@@ -59,9 +62,11 @@ class PrecisionLanding:
         if message.time_usec == self._last_stamp:
             return None
         self._last_stamp = message.time_usec
-        wanted = now_ns - round(lag_s * 1e9)
+        wanted = now_ns - round(parameters["PLND_LAG"] * 1e9)
         _, position, attitude = min(self._poses, key=lambda pose: abs(pose[0] - wanted))
+        body = _turned(body, math.radians(parameters["PLND_YAW_ALIGN"] / 100))
         measured = position + ned(body if message.frame == LOCAL_FRD else rotate(attitude, body))
+        measured = measured + ned(rotate(attitude, _shift_m(parameters)))
         if self._last_ns is None or now_ns - self._last_ns > GAP_NS or self._target is None:
             self._first_ns = now_ns if not self.acquired(now_ns) else self._first_ns
             self._target = measured
@@ -104,3 +109,16 @@ class PrecisionLanding:
     def latest_enu_m(self) -> F64 | None:
         """Latest accepted target, valid or not."""
         return self._target
+
+
+def _turned(body_m: F64, angle_rad: float) -> F64:
+    """Return a vector forward, right, down, turned clockwise seen from above."""
+    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
+    forward, right, down = (float(v) for v in body_m)
+    return np.array([cosine * forward - sine * right, sine * forward + cosine * right, down])
+
+
+def _shift_m(parameters: Mapping[str, float]) -> F64:
+    """Return the shift (3,) forward, right, down: of the camera's place only the height is left."""
+    x_cm, y_cm = parameters["PLND_LAND_OFS_X"], parameters["PLND_LAND_OFS_Y"]
+    return np.array([x_cm / 100, y_cm / 100, parameters["PLND_CAM_POS_Z"]])

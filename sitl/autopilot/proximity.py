@@ -38,10 +38,14 @@ class Proximity:
         self._batch: tuple[int, list[Ray]] = (0, [])
         self._batch_stamp: int | None = None
 
-    def receive(self, message: Any, now_ns: int) -> None:
-        """Process an OBSTACLE_DISTANCE; 0, 65535 and values out of its own range mean no obstacle."""
+    def receive(self, message: Any, now_ns: int, *, mirrored: bool = False, turned_deg: float = 0.0) -> None:
+        """Process an OBSTACLE_DISTANCE; 0, 65535 and values out of its own range mean no obstacle.
+
+        mirrored, turned_deg: PRX1_ORIENT and PRX1_YAW_CORR.
+        """
         step_deg = message.increment_f if message.increment_f > 0 else float(message.increment)
-        first_deg = message.angle_offset
+        first_deg = message.angle_offset + turned_deg
+        step_deg = -step_deg if mirrored else step_deg
         if not (math.isfinite(step_deg) and math.isfinite(first_deg)):
             return
         low, high = max(1, message.min_distance), min(65_534, message.max_distance)

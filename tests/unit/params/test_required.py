@@ -103,7 +103,7 @@ def test_what_some_versions_do_not_have_is_optional() -> None:
         "COM_RC_OVERRIDE", "MAN_OVERRIDE_SPD", "EAV_EN", "EKF2_EV_CTRL",
     }  # fmt: skip
     assert {name for name, row in ardupilot.items() if row.critical and row.optional} == {
-        "LAND_SPD_MS", "LAND_ALT_LOW_M", "LAND_SPEED", "LAND_ALT_LOW",
+        "LAND_SPD_MS", "LAND_ALT_LOW_M", "LAND_SPEED", "LAND_ALT_LOW", "PLND_ORIENT",
     }  # fmt: skip
     assert not any(row.critical and row.optional for row in px4.values())
     assert [px4["RTL_TYPE"].accepts(value) for value in (5, 2)] == [True, False]
@@ -146,3 +146,53 @@ def test_an_autopilot_that_is_not_known_needs_nothing() -> None:
 def test_a_broken_file_is_refused(text: str, said: str) -> None:
     with pytest.raises(ValueError, match=said):
         parse(text)
+
+
+# Values by which messages of slz act in another way, by the autopilots' source; each needs a remedy.
+BENT = {
+    "ardupilot": [
+        ("PLND_YAW_ALIGN", 9000, True), ("PLND_LAND_OFS_X", 70, True), ("PLND_LAND_OFS_Y", -10, True),
+        ("PLND_CAM_POS_X", 0.1, False), ("PLND_CAM_POS_Y", -0.1, False), ("PLND_CAM_POS_Z", 0.5, False),
+        ("PLND_ORIENT", 0, True),
+        ("PLND_OPTIONS", 1, False), ("PLND_OPTIONS", 2, False), ("PLND_OPTIONS", 4, False),
+        ("PLND_ACC_P_NSE", 0.01, False), ("PLND_TIMEOUT", 20, False), ("PLND_ALT_MIN", 0, False),
+        ("PLND_ALT_MAX", 50, False), ("LAND_SPD_HIGH_MS", 4, False), ("LAND_SPEED_HIGH", 400, False),
+        ("WP_SPD_DN", 5, False), ("WPNAV_SPEED_DN", 500, False), ("GUID_OPTIONS", 16, True),
+        ("GUID_OPTIONS", 32, True), ("GUID_OPTIONS", 128, True), ("PRX1_ORIENT", 1, False),
+        ("PRX1_YAW_CORR", 90, False), ("EK3_RNG_USE_HGT", 50, False),
+    ],
+    "px4": [
+        ("PLD_SRCH_ALT", 2, False), ("PLD_SRCH_TOUT", 0, False), ("MPC_LAND_ALT1", 2, False),
+        ("MPC_Z_VEL_MAX_DN", 4, False), ("MPC_LAND_RC_HELP", 1, True), ("MPC_LAND_CRWL", 1.5, False),
+        ("EKF2_HGT_REF", 2, False), ("GF_ACTION", 4, True), ("GF_SOURCE", 1, False), ("GF_PREDICT", 1, False),
+    ],
+}  # fmt: skip
+ROWS = [(autopilot, *row) for autopilot, rows in BENT.items() for row in rows]
+
+
+@pytest.mark.parametrize(("autopilot", "name", "value", "critical"), ROWS)
+def test_what_bends_our_messages_is_found_with_its_remedy(
+    autopilot: str, name: str, value: float, critical: bool
+) -> None:
+    row = by_name(autopilot)[name]
+    right, wrong = (parameter_findings((row,), {name: v})[0] for v in (row.value, value))
+    assert row.critical is critical
+    assert right.state == "ok"
+    assert wrong.state == ("fail" if row.level == "needed" else "warn")
+    assert wrong.remedy is not None
+    assert wrong.remedy.startswith(f"set {name} to {row.value:g} and reboot: ")
+    assert len(wrong.remedy) > 60
+
+
+@pytest.mark.parametrize("value", [0, 1, 4, 5, 8, 64, 77])
+def test_options_of_guided_that_change_nothing_for_us_are_accepted(value: int) -> None:
+    assert by_name("ardupilot")["GUID_OPTIONS"].accepts(value)
+    assert not by_name("ardupilot")["GUID_OPTIONS"].accepts(value | 16)
+
+
+def test_each_speed_has_both_of_its_names() -> None:
+    rows = by_name("ardupilot")
+    for new, old in (("LAND_SPD_HIGH_MS", "LAND_SPEED_HIGH"), ("WP_SPD_DN", "WPNAV_SPEED_DN")):
+        assert rows[new].optional
+        assert rows[old].optional
+        assert rows[old].value == 100 * rows[new].value

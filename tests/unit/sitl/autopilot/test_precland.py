@@ -7,12 +7,14 @@ import pytest
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.autopilot.parameters import DEFAULTS
 from sitl.autopilot.precland import PrecisionLanding
 from sitl.vehicle.rigid_body import State, from_euler
 from tests.unit.sitl.bench_flight import Bench
 
 F64 = NDArray[np.float64]
 MS = 1_000_000
+AT_ONCE = DEFAULTS | {"PLND_LAG": 0.0}
 POSITION = (100.0, 50.0, 10.0)
 
 
@@ -45,7 +47,7 @@ def stream(
     last = start_ms
     for now in range(start_ms, end_ms + 1, every_ms):
         landing.remember(now * MS, pose())
-        landing.receive(seen(now * 1000), now * MS, 0.0)
+        landing.receive(seen(now * 1000), now * MS, AT_ONCE)
         last = now
     return last * MS
 
@@ -109,7 +111,7 @@ def test_a_measurement_is_placed_with_the_pose_of_its_own_time() -> None:
     landing = PrecisionLanding()
     for now_ms in range(0, 300, 10):
         landing.remember(now_ms * MS, state((now_ms / 10, 0.0, 10.0)))
-    landing.receive(seen(1, (0.0, 0.0, 10.0)), 290 * MS, 0.1)
+    landing.receive(seen(1, (0.0, 0.0, 10.0)), 290 * MS, DEFAULTS | {"PLND_LAG": 0.1})
     assert landing.latest_enu_m is not None
     assert landing.latest_enu_m[0] == pytest.approx(19.0)
 
@@ -129,7 +131,7 @@ def test_targets_without_a_usable_position_are_dropped_silently(
 ) -> None:
     landing = PrecisionLanding()
     landing.remember(0, state())
-    assert landing.receive(message, 0, 0.0) is None
+    assert landing.receive(message, 0, AT_ONCE) is None
     assert landing.latest_enu_m is None
 
 
@@ -137,7 +139,7 @@ def test_other_frames_are_refused_with_one_text_and_never_used() -> None:
     landing = PrecisionLanding()
     landing.remember(0, state())
     texts = [
-        landing.receive(seen(stamp, frame=mavlink.MAV_FRAME_LOCAL_NED), stamp * MS, 0.0)
+        landing.receive(seen(stamp, frame=mavlink.MAV_FRAME_LOCAL_NED), stamp * MS, AT_ONCE)
         for stamp in range(1, 50)
     ]
     assert texts[0] is not None
@@ -149,20 +151,20 @@ def test_a_repeated_stamp_is_not_a_new_measurement() -> None:
     landing = PrecisionLanding()
     for now_ms in range(0, 5000, 50):
         landing.remember(now_ms * MS, state())
-        landing.receive(seen(77), now_ms * MS, 0.0)
+        landing.receive(seen(77), now_ms * MS, AT_ONCE)
     assert landing.target(5000 * MS) is None
 
 
 def test_local_frd_is_taken_and_leads_elsewhere() -> None:
     landing = PrecisionLanding()
     landing.remember(0, state(heading_rad=np.pi / 2))
-    landing.receive(seen(1), 0, 0.0)
+    landing.receive(seen(1), 0, AT_ONCE)
     right = landing.latest_enu_m
     assert right is not None
     np.testing.assert_allclose(right, [102.0, 49.0, 0.0], atol=1e-9)
     landing = PrecisionLanding()
     landing.remember(0, state(heading_rad=np.pi / 2))
-    assert landing.receive(seen(1, frame=mavlink.MAV_FRAME_LOCAL_FRD), 0, 0.0) is None
+    assert landing.receive(seen(1, frame=mavlink.MAV_FRAME_LOCAL_FRD), 0, AT_ONCE) is None
     wrong = landing.latest_enu_m
     assert wrong is not None
     np.testing.assert_allclose(wrong, [101.0, 52.0, 0.0], atol=1e-9)
@@ -176,7 +178,7 @@ def told(
     for now in range(start_ms, end_ms, 10):
         landing.remember(now * MS, state())
         if every_ms is not None and (now - start_ms) % every_ms == 0:
-            landing.receive(seen(now * 1000), now * MS, 0.0)
+            landing.receive(seen(now * 1000), now * MS, AT_ONCE)
         if now % 100 == 0:
             out += landing.status_texts(now * MS)
     return out
@@ -214,3 +216,26 @@ def test_the_autopilot_says_so_also_when_the_stream_ends_before_it_disarms() -> 
     said = [(m.severity, m.text) for m in bench.sent if m.get_type() == "STATUSTEXT"]
     assert said[-1] == LOST
     assert bench.autopilot.armed
+
+
+@pytest.mark.parametrize(
+    ("parameters", "east_m", "north_m"),
+    [
+        ({}, 3.0, 0.0),
+        ({"PLND_LAND_OFS_X": 70.0}, 3.0, 0.7),  # forward is north here
+        ({"PLND_LAND_OFS_Y": -50.0}, 2.5, 0.0),
+        ({"PLND_YAW_ALIGN": 9000.0}, 0.0, -3.0),
+        ({"PLND_CAM_POS_X": 0.5, "PLND_CAM_POS_Y": 0.5}, 3.0, 0.0),  # added and taken off again
+    ],
+)
+def test_a_target_is_turned_and_shifted_by_what_was_meant_for_a_camera(
+    parameters: dict[str, float], east_m: float, north_m: float
+) -> None:
+    landing, now_ns = PrecisionLanding(), 0
+    for tick in range(50):
+        now_ns = tick * 50 * MS
+        landing.remember(now_ns, state())
+        landing.receive(seen(tick + 1, (0.0, 3.0, 10.0)), now_ns, AT_ONCE | parameters)
+    target = landing.target(now_ns)
+    assert target is not None
+    assert np.allclose(target[:2] - POSITION[:2], (east_m, north_m), atol=1e-6)

@@ -211,7 +211,7 @@ def test_what_cannot_be_read_is_said_and_not_fine_until_it_is(autopilot: Autopil
 def test_an_autopilot_that_answers_nothing_is_told_in_three_texts(autopilot: Autopilot) -> None:
     script = Script(autopilot)
     script.lost = set(script.values)
-    texts = script.run(20)
+    texts = script.run(40)  # five requests of each, four at once
     assert len(texts) == 3
     assert texts[0].endswith("could not be read")
     assert texts[2].endswith("more are wrong: see slz doctor")
@@ -279,10 +279,13 @@ def names(rows: Iterable[Any]) -> set[str]:
 
 
 def test_what_makes_a_fall_of_the_companion_or_a_late_abort_dangerous_is_critical() -> None:
-    assert names(required("px4")) == {"COM_OBL_RC_ACT", "COM_OF_LOSS_T", "MPC_LAND_SPEED", "MPC_LAND_ALT2"}
+    assert names(required("px4")) == {
+        "COM_OBL_RC_ACT", "COM_OF_LOSS_T", "MPC_LAND_SPEED", "MPC_LAND_ALT2", "MPC_LAND_RC_HELP", "GF_ACTION",
+    }  # fmt: skip
     assert names(required("ardupilot")) == {
         "PLND_ENABLED", "PLND_TYPE", "PLND_STRICT", "GUID_TIMEOUT",
         "LAND_SPD_MS", "LAND_ALT_LOW_M", "LAND_SPEED", "LAND_ALT_LOW",
+        "PLND_YAW_ALIGN", "PLND_LAND_OFS_X", "PLND_LAND_OFS_Y", "PLND_ORIENT", "GUID_OPTIONS",
     }  # fmt: skip
 
 
