@@ -64,7 +64,7 @@ class CommandExecution:
             self._link.statustext(text, severity.value)
         if commands.select_enu_m is not None:
             self._worker.select(commands.select_enu_m)
-        if self._link.vehicle.no_command_reason:
+        if self._link.no_command_reason:
             self._modes.cancel()
             self._streams.target_enu_m = None
             return
@@ -82,7 +82,7 @@ class CommandExecution:
 
     def stop_vehicle(self) -> None:
         """Send the last setpoint: ArduPilot flies on with the one before for three seconds."""
-        if self._link.vehicle.no_command_reason:
+        if self._link.no_command_reason:
             return
         self._link.send(velocity_setpoint(self._link.vehicle, np.zeros(3), None))
 

@@ -31,7 +31,7 @@ def flight_summary(flight: FlightView) -> dict[str, Any]:
         touchdown = _place(frame, flight.path_enu_m.last)
     return {
         "vehicle": type_name(vehicle.vehicle_type) if vehicle.sysid is not None else None,
-        "no_commands": vehicle.no_command_reason,
+        "no_commands": flight.link.no_command_reason,
         "phase": executive.phase.value,
         "landed": landed,
         "chosen": chosen,

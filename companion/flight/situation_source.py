@@ -128,7 +128,7 @@ class SituationSource:
             wind=self._wind.at(now),
             intrusion=intrusion,
             moving=self._watch.moving(now),
-            no_command_reason=vehicle.no_command_reason,
+            no_command_reason=self._link.no_command_reason,
             fence=self._fence.geofence(vehicle, self._history.frame),
         )
 

@@ -14,9 +14,11 @@ from typing import Any, Protocol
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.link.link import Link
+from companion.flight.link.wire.signing import Signing
 from companion.runtime.clock import now_ns
 from companion.runtime.lockstep_loop import LockstepLoop
 from params import Parameters
+from sitl.wire.message_signing import sign
 
 STEP_NS = 2_000_000
 LONGEST_S = 300.0
@@ -63,9 +65,9 @@ async def until(condition: Callable[[], object], seconds: float = 20.0) -> None:
 
 
 @asynccontextmanager
-async def running(url: str, **values: Any) -> Any:
+async def running(url: str, signing: Signing | None = None, **values: Any) -> Any:
     """Give a link that runs, and close it; what its run raised is raised here."""
-    link = Link(url, Parameters(**values))
+    link = Link(url, Parameters(**values), signing)
     task = asyncio.create_task(link.run())
     await asyncio.sleep(0)
     try:
@@ -96,12 +98,23 @@ class Autopilot:
     received: list[Any] = field(default_factory=list)
     intervals_s: dict[int, float] = field(default_factory=dict)
     booted_ns: int = 0
+    key: bytes | None = None  # signs, and ignores what is not signed by it,
+    hears_unsigned: bool = False  # unless this
 
     def __post_init__(self) -> None:
         self.booted_ns = now_ns() - 60_000_000_000
         self._parser = mavlink.MAVLink(None)
         self._parser.robust_parsing = True
         self._sender = mavlink.MAVLink(None, srcSystem=self.system, srcComponent=1)
+        if self.key is not None:
+            sign(self._sender, self.key, 0)
+        if self.key is not None and not self.hears_unsigned:
+            sign(self._parser, self.key, 0)
+
+    def stop_signing(self) -> None:
+        """Remove the key, as SETUP_SIGNING does."""
+        self._parser.signing = mavlink.MAVLinkSigning()
+        self._sender.signing = mavlink.MAVLinkSigning()
 
     # ---- what it does ---------------------------------------------------------------------------
 

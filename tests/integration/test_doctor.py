@@ -12,6 +12,7 @@ import params
 from companion.flight.doctor import examination
 from companion.flight.doctor.examination import Examination
 from companion.flight.doctor.finding import Finding, healthy
+from companion.flight.link.wire.signing import Signing
 from companion.runtime.lockstep_loop import LockstepLoop
 from sitl import faults
 from sitl.simulation import Simulation
@@ -31,11 +32,13 @@ def examined(
     system: int | None = None,
     seconds: float = 8.0,
     own: tuple[str, ...] = (),
+    keys: tuple[bytes | None, bytes | None] = (None, None),
     **autopilot: float,
 ) -> list[Finding]:
-    """Examine a simulated vehicle with some of its parameters changed."""
+    """Examine a simulated vehicle with some of its parameters changed; `keys`: the vehicle's and ours."""
     mavlink, points = free_port(), free_port()
-    more: dict[str, Any] = {"parameters": autopilot, "pilot_height_m": height_m}
+    more: dict[str, Any] = {"parameters": autopilot, "pilot_height_m": height_m, "mavlink_key": keys[0]}
+    signing = None if keys[1] is None else Signing(keys[1])
     sim = Simulation.build(
         "plain",
         mavlink=[f"udpout:127.0.0.1:{mavlink}"],
@@ -48,7 +51,7 @@ def examined(
     urls = f"udpin:127.0.0.1:{mavlink}", f"livox:127.0.0.1:{points}"
     try:
         parameters = params.load("quadcopter", own)
-        return loop.run_until_complete(Examination(*urls, parameters, seconds, system=system).run())
+        return loop.run_until_complete(Examination(*urls, parameters, seconds, signing, system).run())
     finally:
         sim.close()
         loop.close()
@@ -89,6 +92,33 @@ def test_an_odometry_that_must_not_fly_fails_and_the_autopilot_is_examined_witho
     findings = examined(height_m=10.0, PRX1_TYPE=2.0, own=("odometry=autopilot",))
     assert [finding.check for finding in findings if finding.state == "fail"] == ["SLZ_ODOMETRY"]
     assert "VISO_DELAY_MS" not in {finding.check for finding in findings}
+
+
+KEY, OTHER = b"k" * 32, b"o" * 32
+
+
+@pytest.mark.parametrize(
+    ("keys", "found", "what_to_do"),
+    [
+        ((KEY, None), "vehicle signs, no --mavlink-key", "by --mavlink-key FILE"),
+        ((None, KEY), "vehicle does not sign, we do", "or start slz without --mavlink-key"),
+        ((KEY, OTHER), "vehicle signs with another key", "by --mavlink-key FILE"),
+    ],
+)
+def test_keys_that_do_not_match_are_one_fault_that_names_the_option(
+    keys: tuple[bytes | None, bytes | None], found: str, what_to_do: str
+) -> None:
+    findings = examined(height_m=10.0, PRX1_TYPE=2.0, keys=keys)
+    (fault,) = (finding for finding in findings if finding.state == "fail")
+    assert (fault.check, fault.state, fault.found) == ("signing", "fail", found)
+    assert what_to_do in fault.remedy
+    assert {"firmware", "PLND_TYPE", "time synchronisation"}.isdisjoint(finding.check for finding in findings)
+
+
+def test_a_vehicle_that_signs_with_our_key_is_healthy() -> None:
+    findings = examined(height_m=10.0, PRX1_TYPE=2.0, keys=(KEY, KEY))
+    assert healthy(findings), [finding for finding in findings if finding.state != "ok"]
+    assert "signing" not in {finding.check for finding in findings}
 
 
 def test_a_lidar_that_is_silent_fails() -> None:

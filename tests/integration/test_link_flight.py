@@ -11,10 +11,13 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.flight.doctor.autopilot_fitness import Fitness
 from companion.flight.link.command_server import CommandReply, OperatorCommand
 from companion.flight.link.link import Link
 from companion.flight.link.message_rates import wanted
 from companion.flight.link.vehicle_identity import VehicleIdentity
+from companion.flight.link.wire.key_mismatch import KeyMismatch
+from companion.flight.link.wire.signing import Signing
 from companion.runtime.clock import now_ns
 from companion.runtime.errors import UsageError
 from params import Parameters
@@ -48,6 +51,67 @@ def test_the_vehicle_is_found_and_its_pose_flows_at_the_rate_asked_for() -> None
             assert vehicle.landed == "in_air"
             assert statistics.lost == statistics.bad == statistics.bad_bytes == 0
             assert statistics.missing == ("HOME_POSITION", "GPS_RAW_INT", "SYS_STATUS", "BATTERY_STATUS")
+
+    virtually(flight)
+
+
+def test_a_vehicle_that_signs_without_a_key_here_is_not_commanded_and_asked_for_nothing() -> None:
+    async def flight() -> None:
+        port, fitness = free_port(), Fitness(auto=True)
+        async with (
+            running(f"udpin:127.0.0.1:{port}") as link,
+            autopilot_over_udp(port, key=b"k" * 32) as autopilot,
+        ):
+            texts: list[str] = []
+            link.on_text.subscribe(lambda text, _: texts.append(text))
+            watch = asyncio.create_task(fitness.run(link, lambda: False))
+            await until(lambda: link.connected)
+            assert link.no_command_reason == ""
+            await asyncio.sleep(30)
+            assert link.key_mismatch is KeyMismatch.NO_KEY
+            assert link.no_command_reason == "vehicle signs, no --mavlink-key"
+            assert link.statistics().key_mismatch == link.no_command_reason
+            assert (fitness.fit, fitness.faults, texts) == (False, (), [])
+            autopilot.stop_signing()
+            await asyncio.sleep(30)
+            assert link.key_mismatch is None
+            assert link.no_command_reason == ""
+            assert len(fitness.faults) > 0
+            watch.cancel()
+
+    virtually(flight)
+
+
+def test_a_vehicle_that_signs_and_still_hears_us_may_be_commanded() -> None:
+    """ArduPilot accepts unsigned frames on its first port, and signs there."""
+
+    async def flight() -> None:
+        port = free_port()
+        async with (
+            running(f"udpin:127.0.0.1:{port}") as link,
+            autopilot_over_udp(port, key=b"k" * 32, hears_unsigned=True),
+        ):
+            await asyncio.sleep(60)
+            assert link.connected
+            assert link.key_mismatch is None
+
+    virtually(flight)
+
+
+@pytest.mark.parametrize(
+    ("key", "told"),
+    [(None, "vehicle does not sign, we do"), (b"o" * 32, "vehicle signs with another key")],
+)
+def test_a_vehicle_whose_frames_we_refuse_is_told_once(key: bytes | None, told: str) -> None:
+    async def flight() -> None:
+        port = free_port()
+        async with running(f"udpin:127.0.0.1:{port}", Signing(b"k" * 32)) as link:
+            texts: list[str] = []
+            link.on_text.subscribe(lambda text, _: texts.append(text))
+            async with autopilot_over_udp(port, key=key):
+                await asyncio.sleep(30)
+            assert not link.connected
+            assert texts == [f"SLZ: {told}"]
 
     virtually(flight)
 

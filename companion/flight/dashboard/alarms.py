@@ -24,7 +24,8 @@ def active_alarms(state: dict[str, Any], selected: dict[str, Any] | None) -> lis
         blocked = "" if selected["headings_deg"] else f": {selected['blocked_by']}"
         found.append(("critical", "point-unsafe", f"LANDING POINT UNSAFE{by}{water or blocked}"))
     if not state["connected"]:
-        found.append(("critical", "no-autopilot", "NO AUTOPILOT"))
+        separated = f": {state['key_mismatch']}" if state["key_mismatch"] else ""
+        found.append(("critical", "no-autopilot", f"NO AUTOPILOT{separated}"))
     elif not state["heard"]:
         found.append(("critical", "mode-unknown", "FLIGHT MODE UNKNOWN: no heartbeat"))
     if state["phase"] == "failsafe":

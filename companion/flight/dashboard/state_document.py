@@ -28,7 +28,7 @@ def state(flight: FlightView) -> dict[str, Any]:
     s = flight.situation()
     pose = flight.history.latest(s.now_ns)
     vehicle, executive, parameters = flight.link.vehicle, flight.executive, flight.parameters
-    aim = executive.aim_enu_m
+    aim, mismatch = executive.aim_enu_m, flight.link.key_mismatch
     low = s.battery_pct is not None and 0 < parameters.battery_land_pct >= s.battery_pct
     return {
         "at_ns": s.now_ns,
@@ -51,6 +51,7 @@ def state(flight: FlightView) -> dict[str, Any]:
         "battery_v": vehicle.battery_v,
         "battery_low": low,
         "no_commands": s.no_command_reason,
+        "key_mismatch": "" if mismatch is None else mismatch.value,
         "unfit": list(flight.fitness.texts),
         **_motion(pose),
         "wind": _wind(s.wind),
@@ -93,6 +94,7 @@ def replayed(
         "battery_v": vehicle.battery_v,
         "battery_low": False,
         "no_commands": vehicle.no_command_reason,
+        "key_mismatch": "",
         "unfit": [],
         **_motion(pose),
         "wind": None,

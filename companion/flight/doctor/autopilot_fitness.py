@@ -164,7 +164,8 @@ class Fitness:
         ]
         try:
             while True:
-                for request in self.due_requests(link.vehicle, link.connected, flying(), now_ns()):
+                hears_us = link.connected and link.key_mismatch is None
+                for request in self.due_requests(link.vehicle, hears_us, flying(), now_ns()):
                     link.send(request)
                 for severity, text in self.pop_texts():
                     log.info(text)

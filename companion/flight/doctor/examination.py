@@ -90,8 +90,7 @@ class Examination:
                 await asyncio.sleep(self.seconds)
                 findings = self._lidar(lidar, (now_ns() - begun_ns) * 1e-9)
                 findings += inertial.findings(lidar.statistics())
-                firmware = version_finding(link.vehicle.autopilot, await self._version(link))
-                findings = [*self._link(link), firmware, *findings, *await self._parameters(link)]
+                findings = [*await self._autopilot(link), *findings, *await self._parameters(link)]
                 await link.close()
                 for part in parts[1:]:
                     part.cancel()
@@ -101,13 +100,19 @@ class Examination:
         # Last, because it loads the CPU.
         return [*found, *findings, *machine_findings(self.parameters, self.late_ms)]
 
+    async def _autopilot(self, link: Link) -> list[Finding]:
+        version = None if link.key_mismatch else await self._version(link)
+        found = self._link(link)
+        return found if link.key_mismatch else [*found, version_finding(link.vehicle.autopilot, version)]
+
     def _link(self, link: Link) -> list[Finding]:
         p = self.parameters
         streams = expected(link.vehicle.autopilot, p.pose_rate_hz, odometry=p.odometry == "autopilot")
         others = neighbour_findings(link.identity)
         if others and link.vehicle.sysid is None:
             return others
-        return [*others, *link_findings(self.mavlink_url, link.vehicle, link.statistics(), streams)]
+        vehicle, statistics = link.vehicle, link.statistics()
+        return [*others, *link_findings(self.mavlink_url, vehicle, statistics, streams, link.key_mismatch)]
 
     def _lidar(self, lidar: Lidar, seconds: float) -> list[Finding]:
         statistics = lidar.statistics()
@@ -135,6 +140,8 @@ class Examination:
         rows = required(vehicle.autopilot, self.parameters.odometry == "autopilot")
         if vehicle.sysid is None:
             return [Finding("parameters", "skipped", "no autopilot to ask")]
+        if link.key_mismatch is not None:
+            return [Finding("parameters", "skipped", "the autopilot does not hear us: see signing")]
         reader = ParameterReader(rows, vehicle.autopilot)
         names = ("PARAM_VALUE", "PARAM_ERROR")
         forget = [link.subscribe(name, lambda message, _: reader.on_message(message)) for name in names]

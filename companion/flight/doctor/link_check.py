@@ -7,6 +7,7 @@ from companion.flight.link.link_statistics import LinkStatistics
 from companion.flight.link.message_rates import Stream
 from companion.flight.link.vehicle_class import type_name
 from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.link.wire.key_mismatch import KeyMismatch
 
 ROUND_TRIP_MS = 10.0
 """PX4 resets its clock filter at longer round trips."""
@@ -19,14 +20,18 @@ CHANCE_HZ = 0.5
 
 
 def link_findings(
-    url: str, vehicle: VehicleState, statistics: LinkStatistics, streams: tuple[Stream, ...]
+    url: str,
+    vehicle: VehicleState,
+    statistics: LinkStatistics,
+    streams: tuple[Stream, ...],
+    key_mismatch: KeyMismatch | None = None,
 ) -> list[Finding]:
-    """Judge the link; `streams` are the messages that should arrive."""
+    """Judge the link; `streams` are the messages that should arrive from a vehicle that hears us."""
     if vehicle.sysid is None:
-        return [_silence(url, statistics)]
+        return [_silence(url, statistics) if key_mismatch is None else _signing(key_mismatch)]
     known = vehicle.autopilot in ("ardupilot", "px4")
     name = {"ardupilot": "ArduPilot", "px4": "PX4"}.get(vehicle.autopilot, "unknown")
-    return [
+    found = [
         judged(
             "autopilot",
             known,
@@ -35,6 +40,11 @@ def link_findings(
             "connect a vehicle with ArduCopter or PX4",
         ),
         _class(vehicle),
+    ]
+    if key_mismatch is not None:
+        return [*found, _signing(key_mismatch)]
+    return [
+        *found,
         *(_stream(stream, statistics) for stream in streams),
         _losses(statistics),
         *_clock(statistics),
@@ -51,6 +61,10 @@ def _class(vehicle: VehicleState) -> Finding:
         "multirotor, helicopter, or a VTOL of PX4 that hovers",
         "slz maps and shows zones for it, and commands nothing; if it is a multirotor, set its type",
     )
+
+
+def _signing(mismatch: KeyMismatch) -> Finding:
+    return Finding("signing", "fail", mismatch.value, "one key on both sides, or none", mismatch.remedy)
 
 
 def _silence(url: str, statistics: LinkStatistics) -> Finding:

@@ -28,6 +28,7 @@ from companion.flight.link.unheard_texts import UnheardTexts
 from companion.flight.link.vehicle_identity import LISTEN_NS, Candidate, VehicleIdentity
 from companion.flight.link.vehicle_state import Quaternion, Vector, VehicleState
 from companion.flight.link.wire.codec import Codec
+from companion.flight.link.wire.key_mismatch import KeyMismatch
 from companion.flight.link.wire.signing import Signing
 from companion.runtime.clock import now_ns
 from companion.runtime.event import Event, Unsubscribe
@@ -40,6 +41,8 @@ HEARTBEAT_S = 1.0
 STREAM_PAUSE_S = 0.1
 # The new mode is in the next heartbeat, at most a second later.
 MODE_CONFIRM_S = 2.5
+# A vehicle that hears us answers a TIMESYNC a second, and signs with times after ours from then on.
+UNANSWERED_NS, MISMATCH_NS = 2_000_000_000, 2_000_000_000
 
 
 class Link:
@@ -65,6 +68,8 @@ class Link:
         Selection of the system that is the vehicle.
     connected
         Whether the autopilot's heartbeat was heard within `link_timeout_s`.
+    key_mismatch
+        How the keys of signing have separated us from the vehicle for two seconds, None if they agree.
     system_status
         MAV_STATE of our own heartbeat; `ready` sets it.
     on_change
@@ -119,6 +124,8 @@ class Link:
         self._failure: asyncio.Future[None] | None = None
         self._ended = asyncio.Event()
         self.connected = False
+        self.key_mismatch: KeyMismatch | None = None
+        self._keys_agreed_ns: int | None = None
         self.system_status: int = mavlink.MAV_STATE_BOOT
         self.on_connection: Event[[bool]] = Event()
         self.on_change: Event[[VehicleState, VehicleState]] = self._inbox.changed
@@ -143,6 +150,12 @@ class Link:
     def vehicle(self) -> VehicleState:
         """Newest state of the vehicle."""
         return self._inbox.vehicle
+
+    @property
+    def no_command_reason(self) -> str:
+        """Why the vehicle must not be commanded, empty if it may: its class, or that it ignores us."""
+        ignored = self.key_mismatch if self.key_mismatch is KeyMismatch.NO_KEY else None
+        return self.vehicle.no_command_reason or ("" if ignored is None else ignored.value)
 
     @property
     def believes_position(self) -> bool:
@@ -198,6 +211,7 @@ class Link:
             rates_hz=self._rates.rates_hz(at_ns),
             missing=self._streams.missing(at_ns),
             refused=self._streams.refused,
+            key_mismatch="" if self.key_mismatch is None else self.key_mismatch.value,
             time_source=clock.source,
             round_trip_ms=sync.round_trip_ns * 1e-6,
             residual_ms=sync.residual_ns * 1e-6,
@@ -387,6 +401,7 @@ class Link:
             heard_ns = self.vehicle.last_heartbeat_ns
             if self.connected and heard_ns is not None and at_ns - heard_ns > timeout_ns:
                 self._set_connected(False)
+            self._watch_keys(at_ns)
             if self.connected and (stamp := self.timesync.request(at_ns)) is not None:
                 self.on_time_asked.emit(at_ns)
                 self.send(mavlink.MAVLink_timesync_message(0, stamp))
@@ -434,6 +449,27 @@ class Link:
         self.statustext(
             f"SLZ: vehicle {stranger.system} heard too, ours is {ours}", mavlink.MAV_SEVERITY_WARNING
         )
+
+    def _watch_keys(self, at_ns: int) -> None:
+        """Report keys that have not matched for a while; who is not connected hears of nothing else."""
+        found = self._momentary_mismatch(at_ns)
+        if found is None or self._keys_agreed_ns is None:
+            self._keys_agreed_ns = at_ns
+        lasts = found if at_ns - self._keys_agreed_ns >= MISMATCH_NS else None
+        before, self.key_mismatch = self.key_mismatch, lasts
+        if lasts is None or lasts is before:
+            return
+        log.warning("%s: %s", lasts.value, lasts.remedy)
+        if not self.connected:
+            self.statustext(f"SLZ: {lasts.value}", mavlink.MAV_SEVERITY_WARNING)
+
+    def _momentary_mismatch(self, at_ns: int) -> KeyMismatch | None:
+        if self._codec.signing is not None:
+            return None if self.connected else KeyMismatch.of(self._codec.autopilot_verdict)
+        answered_ns = self.timesync.answered_ns
+        answers = answered_ns is not None and at_ns - answered_ns < UNANSWERED_NS
+        unheard = self.connected and self._codec.vehicle_signs and not answers
+        return KeyMismatch.NO_KEY if unheard else None
 
     def _heard(self) -> None:
         if not self.connected:

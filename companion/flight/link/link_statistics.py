@@ -41,6 +41,8 @@ class LinkStatistics:
         Number of commands and parameter changes among them.
     refused
         Streams that the autopilot does not have.
+    key_mismatch
+        How the keys of MAVLink signing separate us from the vehicle, empty if they do not.
     """
 
     received: int
@@ -73,6 +75,7 @@ class LinkStatistics:
     replayed: int
     orders_refused: int
     refused: tuple[str, ...] = ()
+    key_mismatch: str = ""
 
 
 def quantile_ms(values_ns: Collection[int], share: float) -> float | None:

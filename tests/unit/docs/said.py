@@ -53,6 +53,7 @@ SOURCES = (
     "companion/flight/landing/landing_point_announcer.py",
     "companion/flight/link/link.py",
     "companion/flight/link/navigation_source.py",
+    "companion/flight/link/wire/key_mismatch.py",
     "companion/flight/services/parameter_server.py",
 )
 # Where the text stands among a call's arguments.
@@ -112,9 +113,9 @@ def _in_calls(tree: ast.AST) -> Iterator[tuple[str, str]]:
 def _in_functions(tree: ast.AST) -> Iterator[tuple[str, str]]:
     """Yield what functions return, or put together, to be said by others."""
     for node in ast.walk(tree):
-        if isinstance(node, ast.ClassDef) and node.name == "MissingInput":
-            members = (part.value for part in node.body if isinstance(part, ast.Assign))
-            yield from ((" ".join(ast.literal_eval(member)), "") for member in members)
+        if isinstance(node, ast.ClassDef) and node.name in ("MissingInput", "KeyMismatch"):
+            members = (ast.literal_eval(part.value) for part in node.body if isinstance(part, ast.Assign))
+            yield from ((m if isinstance(m, str) else " ".join(m), "") for m in members)
         if isinstance(node, ast.FunctionDef) and node.name in ("update", "why_not"):
             for part in ast.walk(node):
                 if isinstance(part, ast.Return) and part.value is not None:

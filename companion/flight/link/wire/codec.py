@@ -9,7 +9,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.link.wire.framing import Framer, message_id
+from companion.flight.link.wire.framing import Framer, is_signed, message_id, sender
 from companion.flight.link.wire.repeated_frames import RepeatedFrames
 from companion.flight.link.wire.signing import Signing, Verdict
 
@@ -47,6 +47,8 @@ class Codec:
         Recogniser of frames delivered more than once, with its counts.
     refused_orders
         Commands and parameter changes among the frames that `signing` refused.
+    autopilot_verdict
+        Verdict of `signing` on the newest frame of an autopilot, None before one.
     """
 
     def __init__(self, component_id: int, signing: Signing | None = None) -> None:
@@ -57,6 +59,8 @@ class Codec:
             self._mavlink.signing.secret_key = signing.secret
             self._mavlink.signing.sign_outgoing = True
         self.refused_orders = 0
+        self.autopilot_verdict: Verdict | None = None
+        self._signers: set[int] = set()  # systems whose autopilot signed its newest frame
         self._warned: set[Verdict] = set()
         self._framer = Framer()
         self._sequences: dict[tuple[int, int], int] = {}
@@ -79,6 +83,11 @@ class Codec:
     @property
     def component_id(self) -> int:
         return int(self._mavlink.srcComponent)
+
+    @property
+    def vehicle_signs(self) -> bool:
+        """Whether the newest frame of the vehicle's autopilot was signed."""
+        return self.system_id in self._signers
 
     @property
     def from_vehicle(self) -> int:
@@ -109,6 +118,7 @@ class Codec:
         `at_ns`: time of arrival; without it, a frame that comes again is returned again.
         """
         for frame in self._framer.feed(data):
+            self._note_signer(frame)
             if self.signing is not None and not self._believed(frame, self.signing):
                 continue
             try:
@@ -142,8 +152,15 @@ class Codec:
         self._framer.reset()
         self._sequences.clear()
 
+    def _note_signer(self, frame: bytearray) -> None:
+        system, component = sender(frame)
+        if component == mavlink.MAV_COMP_ID_AUTOPILOT1:
+            (self._signers.add if is_signed(frame) else self._signers.discard)(system)
+
     def _believed(self, frame: bytearray, signing: Signing) -> bool:
         verdict = signing.verify(frame)
+        if sender(frame)[1] == mavlink.MAV_COMP_ID_AUTOPILOT1:
+            self.autopilot_verdict = verdict
         if verdict in ("good", "allowed"):
             return True
         name = mavlink.mavlink_map[message_id(frame)].msgname

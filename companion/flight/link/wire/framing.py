@@ -97,6 +97,16 @@ class Framer:
 _BOUNDARY = (b"", bytes([V1_MAGIC]), bytes([V2_MAGIC]))
 
 
+def is_signed(frame: bytes | bytearray) -> bool:
+    """Return whether a frame carries a signature."""
+    return frame[0] == V2_MAGIC and bool(frame[2] & _SIGNED)
+
+
+def sender(frame: bytes | bytearray) -> tuple[int, int]:
+    """Return system and component ID in a frame's header."""
+    return (frame[3], frame[4]) if frame[0] == V1_MAGIC else (frame[5], frame[6])
+
+
 def message_id(frame: bytes | bytearray) -> int:
     """Return the message ID in a frame's header."""
     return frame[5] if frame[0] == V1_MAGIC else int.from_bytes(frame[7:10], "little")
@@ -108,7 +118,6 @@ def _fits(frame: bytearray, message: type[mavlink.MAVLink_message]) -> bool:
 
 
 def _checksum_ok(frame: bytearray, crc_extra: int) -> bool:
-    signed = frame[0] == V2_MAGIC and frame[2] & _SIGNED
-    end = len(frame) - (SIGNATURE_BYTES if signed else 0) - 2
+    end = len(frame) - (SIGNATURE_BYTES if is_signed(frame) else 0) - 2
     checksum = mavlink.x25crc(bytes(frame[1:end]) + bytes([crc_extra])).crc
     return bool(checksum == int.from_bytes(frame[end : end + 2], "little"))

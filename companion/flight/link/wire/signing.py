@@ -15,7 +15,7 @@ from typing import Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.link.wire.framing import SIGNATURE_BYTES, V2_MAGIC, message_id
+from companion.flight.link.wire.framing import SIGNATURE_BYTES, is_signed, message_id
 
 Verdict = Literal["good", "allowed", "unsigned", "forged", "replayed"]
 
@@ -29,7 +29,6 @@ NEW_STREAM_TICKS = 60 * TICKS_PER_S
 SAVE_TICKS = 10 * TICKS_PER_S
 MARGIN_TICKS = 2 * SAVE_TICKS
 HIGHEST_TICK = 2**48 - 1
-_SIGNED = 0x01
 
 # Radios insert these themselves and have no key; ArduPilot and MAVProxy accept them unsigned, too.
 UNSIGNED_IDS = frozenset({mavlink.MAVLINK_MSG_ID_RADIO_STATUS, mavlink.MAVLINK_MSG_ID_RADIO})
@@ -100,7 +99,7 @@ class Signing:
     def _verdict(self, frame: bytes) -> Verdict:
         if message_id(frame) in UNSIGNED_IDS:
             return "allowed"
-        if frame[0] != V2_MAGIC or not frame[2] & _SIGNED:
+        if not is_signed(frame):
             return "unsigned"
         if not hmac.compare_digest(hashlib.sha256(self.secret + frame[:-6]).digest()[:6], frame[-6:]):
             return "forged"

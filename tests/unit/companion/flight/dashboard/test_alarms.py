@@ -21,6 +21,7 @@ QUIET: dict[str, Any] = {
     "east_m": 0.0,
     "battery_low": False,
     "no_commands": "",
+    "key_mismatch": "",
     "unfit": [],
     "pipeline_failed": False,
     "blocked": False,
@@ -99,6 +100,13 @@ def test_a_lidar_that_is_silent_on_the_ground_is_none() -> None:
 
 def test_a_lost_link_is_one_alarm() -> None:
     assert keys({**QUIET, "connected": False, "lidar_ok": False, "blind": "link lost"}) == ["no-autopilot"]
+
+
+def test_a_lost_link_tells_that_the_keys_of_signing_do_not_match() -> None:
+    (alarm,) = active_alarms(
+        {**QUIET, "connected": False, "key_mismatch": "vehicle does not sign, we do"}, None
+    )
+    assert alarm["text"] == "NO AUTOPILOT: vehicle does not sign, we do"
 
 
 def test_an_autopilot_that_is_not_set_up_is_named_by_its_worst_parameter() -> None:

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.link.wire.codec import Codec
+from companion.flight.link.wire.signing import Signing
 
 GARBAGE = st.binary(max_size=60) | st.lists(st.sampled_from([0xFD, 0xFE, 0, 1, 255]), max_size=60).map(bytes)
 FLUSH = bytes(300)  # longer than any frame: ends every false start
@@ -110,6 +111,27 @@ def test_signed_frames_are_read_without_a_key() -> None:
     source.signing.secret_key = b"k" * 32
     source.signing.sign_outgoing = True
     assert [m.time_boot_ms for m in Codec(191).decode(b"".join(frames(2, source)))] == [0, 1]
+
+
+def test_who_signs_is_known_by_the_newest_frame_of_its_autopilot() -> None:
+    plain, signed, station = sender(), sender(), sender(255, 190)
+    for source in (signed, station):
+        source.signing.secret_key = b"k" * 32
+        source.signing.sign_outgoing = True
+    codec = Codec(191)
+    seen = []
+    for source in (station, plain, signed, station, plain):
+        list(codec.decode(frames(1, source)[0]))
+        seen.append(codec.vehicle_signs)
+    assert seen == [False, False, True, True, False]
+
+
+def test_the_verdict_on_the_autopilot_is_that_of_its_newest_frame() -> None:
+    codec = Codec(191, Signing(b"k" * 32))
+    list(codec.decode(frames(1, sender(255, 190))[0]))
+    assert codec.autopilot_verdict is None
+    list(codec.decode(frames(1, sender())[0]))
+    assert codec.autopilot_verdict == "unsigned"
 
 
 def test_what_we_send_is_numbered_mavlink_2_from_the_vehicle_s_system() -> None:
