@@ -109,8 +109,9 @@ class Rerun:
         return self._fresh
 
     def finish(self) -> Report | None:
-        """Map the incomplete last window."""
+        """Place what waits for poses or for the rest of its scan, and map the incomplete last window."""
         self._fresh = None
+        self.assembler.finish()
         self._process(self._windower.flush())
         return self._fresh
 

@@ -81,6 +81,15 @@ class ScanAssembler:
         self._place_bracketed()
         self._drop_stale(newest_ns)
 
+    def finish(self) -> None:
+        """Place what waits and emit the open scan, as nothing follows; drop what no poses bracket."""
+        self._place_bracketed()
+        if self._gathered:
+            self._emit()
+        self.stale += sum(len(returns) for _, returns in self._waiting)
+        self._waiting.clear()
+        self._n_waiting = 0
+
     @property
     def repeated(self) -> int:
         """Returns of scans that repeated a picture of before."""

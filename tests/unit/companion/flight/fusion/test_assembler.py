@@ -83,6 +83,20 @@ def test_returns_that_no_pose_follows_are_dropped_and_counted(rig: Rig) -> None:
     assert rig.scans[0].stamp_ns[0] >= 640 * MS or rig.scans[0].stamp_ns[-1] <= 20 * MS
 
 
+def test_what_waits_when_the_recording_ends_is_placed_or_counted(rig: Rig) -> None:
+    rig.pose(0, 20)
+    for start in range(0, 40, BATCH):
+        rig.batch(start)
+    assert not rig.scans
+    rig.pose(32)  # after the last returns, of which the newest are of 39.9 ms
+    rig.assembler.finish()
+    (scan,) = rig.scans
+    assert len(scan.stamp_ns) == 300
+    assert rig.assembler.statistics()["stale"] == 100
+    rig.assembler.finish()
+    assert len(rig.scans) == 1
+
+
 def test_a_gap_of_the_poses_is_not_bridged(rig: Rig) -> None:
     for start in range(0, 2000, BATCH):
         if start % 20 == 0 and not 500 < start < 1200:
