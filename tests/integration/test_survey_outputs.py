@@ -15,6 +15,7 @@ from typing import Any
 import matplotlib.image
 import numpy as np
 import pytest
+import rasterio
 import shapely
 from pyproj import Geod
 from rasterio._err import CPLE_AppDefinedError
@@ -39,6 +40,17 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]
         patch.setattr("companion.desk.figures.save_maps", lambda *_: [])
         told = survey.run([path], folder / "out", parameters(), lambda *_: None)
     return folder / "out", told
+
+
+def test_every_output_names_what_its_heights_are_counted_from(out: tuple[Path, dict[str, Any]]) -> None:
+    folder, told = out
+    datum = told["vertical_datum"]
+    assert datum
+    assert json.loads((folder / "zones.geojson").read_text("utf-8"))["vertical_datum"] == datum
+    assert json.dumps(datum) in (folder / "map.html").read_text("utf-8")
+    for path in folder.glob("*.tif"):
+        with rasterio.open(path) as file:
+            assert file.tags()["VERTICAL_DATUM"] == datum
 
 
 def test_flatgeobuf_geojson_and_table_say_the_same(out: tuple[Path, dict[str, Any]]) -> None:

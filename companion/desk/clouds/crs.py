@@ -12,6 +12,7 @@ from pyproj.exceptions import CRSError
 from companion.desk.clouds import geokeys
 from companion.desk.clouds.geokeys import GeoKeys
 from companion.desk.clouds.unit_statements import (
+    ELLIPSOID,
     SAME,
     Statement,
     refuse_datums,
@@ -38,7 +39,7 @@ class Reference:
     horizontal: its two-dimensional part. unit_m: metres per unit of x and y, None for degrees. vertical_m:
     metres per unit of z. vertical_from: source of vertical_m; `option` is `--vertical-unit`, and
     `horizontal unit` and `metre` are the convention for files that state nothing of heights (projected and
-    geographic CRS).
+    geographic CRS). height_datum: name of the datum of z, None where nothing states it.
     """
 
     crs: CRS
@@ -46,6 +47,19 @@ class Reference:
     unit_m: float | None
     vertical_m: float
     vertical_from: Origin
+    height_datum: str | None = None
+
+    @property
+    def heights(self) -> str:
+        """What heights are counted from, for outputs and errors."""
+        if self.height_datum == ELLIPSOID:
+            return "ellipsoid"
+        return self.height_datum or "unknown: the cloud names no datum of its heights"
+
+    @property
+    def is_ellipsoidal(self) -> bool:
+        """Whether heights are above the ellipsoid, up to 107 m away from mean sea level."""
+        return self.height_datum == ELLIPSOID
 
     @property
     def name(self) -> str:
@@ -156,9 +170,8 @@ def _joined(crs: CRS, heights: Heights, owner: str, unit_m: float | None) -> Ref
             f"{owner}: it names the datum of its heights ({heights.datum}), but no unit, and x and y are not"
             f" in metres: {BY_UNIT}"
         )
-    return Reference(
-        with_heights(crs, horizontal, heights, vertical_m), horizontal, unit_m, vertical_m, origin
-    )
+    whole = with_heights(crs, horizontal, heights, vertical_m)
+    return Reference(whole, horizontal, unit_m, vertical_m, origin, heights.datum)
 
 
 def _refuse_contradictions(horizontal: CRS, owner: str, keys: GeoKeys) -> None:

@@ -10,11 +10,12 @@ import numpy as np
 from companion.desk.replay.captures.captured_packets import snapped_packets
 from companion.desk.replay.foreign_replay import Feed, Rerun
 from companion.desk.replay.own_replay import ReplayOutcome
-from companion.desk.replay.time_of_day import time_of_day
+from companion.desk.replay.time_of_day import fitting_offset, time_of_day
 from params import Parameters
 from slz import SAFE, UNKNOWN, TerrainMaps
 
 Counts = Mapping[str, Any]
+ABOVE_SHARE = 0.5  # of points above the vehicle: what it flies over is below it
 
 
 def lost_for_time(source: Counts, returns: Counts) -> list[str]:
@@ -54,6 +55,12 @@ def lost_for_time(source: Counts, returns: Counts) -> list[str]:
         said.append(
             f"times of points are {source['times']}, though the header tells {source['times_in_header']}"
         )
+    above, compared = source.get("points_above_vehicle", 0), source.get("points_beside_vehicle", 0)
+    if above > ABOVE_SHARE * compared:
+        said.append(
+            f"{above} of {compared} points lie above the vehicle that measured them: their heights are of"
+            f" another datum than the log's (mean sea level); the cloud's is {source['vertical_datum']}"
+        )
     copies, late = source.get("frames_repeated", 0), source.get("messages_late", 0)
     if copies or late:
         said.append(
@@ -80,7 +87,8 @@ def why_nothing(feed: Feed, rerun: Rerun) -> str:
     if last < begun or first > ended:
         return (
             f"returns of {time_of_day(first)} to {time_of_day(last)} have no poses, which are of"
-            f" {time_of_day(begun)} to {time_of_day(ended)}: their clocks are not the same"
+            f" {time_of_day(begun)} to {time_of_day(ended)}: their clocks are not the same,"
+            f" {fitting_offset(rerun.span_ns, rerun.poses_ns)}"
         )
     counts = rerun.assembler.statistics()
     return (

@@ -28,6 +28,7 @@ def summary(
         "unit_m": reference.unit_m,
         "vertical_unit_m": reference.vertical_m,
         "vertical_unit_from": reference.vertical_from,
+        "vertical_datum": reference.heights,
         "wgs84_error_m": found.metric.wgs84_error_m,
         "points": {
             "read": found.n_read,

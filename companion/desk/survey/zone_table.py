@@ -46,10 +46,15 @@ def flat(described: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
     return [row | {"corridors": words(row["corridors"])} if "corridors" in row else row for row in described]
 
 
-def write_geojson(path: Path, shapes: Sequence[MultiPolygon], described: Sequence[dict[str, Any]]) -> None:
-    """Write the zones as a GeoJSON feature collection (RFC 7946: WGS-84, longitude before latitude)."""
+def write_geojson(
+    path: Path, shapes: Sequence[MultiPolygon], described: Sequence[dict[str, Any]], heights: str
+) -> None:
+    """Write the zones as a GeoJSON feature collection (RFC 7946: WGS-84, longitude before latitude).
+
+    `heights`: what elevations are counted from, written beside the features.
+    """
     with path.open("w", encoding="utf-8") as file:
-        file.write('{"type": "FeatureCollection", "features": [')
+        file.write(f'{{"type": "FeatureCollection", "vertical_datum": {json.dumps(heights)}, "features": [')
         for k, (shape, row) in enumerate(zip(shapes, described, strict=True)):
             geometry = mapping(shape.geoms[0] if len(shape.geoms) == 1 else shape)
             feature = {"type": "Feature", "id": row["id"], "geometry": geometry, "properties": row}

@@ -80,8 +80,24 @@ def first_by_header(gps_s: NDArray[np.float64], clock: Clock, span_ns: tuple[int
     first_s = float(np.nanmin(np.where(np.isfinite(gps_s), gps_s, np.nan)))
     if clock == "week":
         return f"{first_s:.0f} s of a GPS week"
-    since_1970_s = first_s + STANDARD_LESS_S + GPS_EPOCH_S - _leap_s(span_ns[0] // 1_000_000_000)
-    return time_of_day(round(since_1970_s * 1e9)) if abs(since_1970_s) < MOST_S else f"{first_s:g} s"
+    span = span_by_header(gps_s, clock, span_ns)
+    return f"{first_s:g} s" if span is None else time_of_day(span[0])
+
+
+def span_by_header(
+    gps_s: NDArray[np.float64], clock: Clock, span_ns: tuple[int, int]
+) -> tuple[int, int] | None:
+    """Return first and last time since 1970 (ns) in the header's meaning, without NaN and zeros.
+
+    None for times of the week, and for absurd ones.
+    """
+    if clock == "week":
+        return None
+    after_s = STANDARD_LESS_S + GPS_EPOCH_S - _leap_s(span_ns[0] // 1_000_000_000)
+    sound = gps_s[np.isfinite(gps_s) & (gps_s != 0) & (np.abs(gps_s + after_s) < MOST_S)]
+    if not len(sound):
+        return None
+    return round((float(sound.min()) + after_s) * 1e9), round((float(sound.max()) + after_s) * 1e9)
 
 
 def _leap_s(at_s: int) -> int:

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from pyproj import Transformer
 
 from companion.desk.clouds.cloud import GeoreferencedCloud, read
+from companion.desk.clouds.cloud_source import Clock
 from companion.desk.clouds.las import open_las
-from companion.desk.replay.clouds.gps_time import NAMES, first_by_header, resolve_times
+from companion.desk.replay.clouds.gps_time import NAMES, first_by_header, resolve_times, span_by_header
 from companion.desk.replay.foreign_replay import Act, Rerun
-from companion.desk.replay.time_of_day import time_of_day
+from companion.desk.replay.time_of_day import fitting_offset, time_of_day
 from companion.desk.survey.coordinate_steps import check_steps
 from companion.runtime.errors import UsageError
 from slz import Scan
@@ -27,7 +28,8 @@ DEGREE_M = 111_320.0  # of longitude at the equator, the longest
 class StoredCloud:
     """Points of FILE.laz; see `LoggedPoints`.
 
-    Heights are assumed to be above mean sea level, the datum of the vehicle's altitudes.
+    Heights must be above mean sea level, the datum of the vehicle's altitudes; those of a cloud that does not
+    name its datum are taken for such.
 
     Parameters
     ----------
@@ -50,12 +52,17 @@ class StoredCloud:
         cloud = read([path], vertical_unit=vertical_unit, with_attributes=True)
         if clock is None or cloud.gps_s is None or not np.isfinite(cloud.gps_s).any():
             raise UsageError(f"{path}: its points have no times, which tie them to the flight: use slz map")
+        if cloud.reference.is_ellipsoidal:
+            raise UsageError(
+                f"{path}: its heights are above the ellipsoid ({cloud.reference.name}), those of the log"
+                " above mean sea level, up to 107 m apart: convert it, or use slz map, which needs no log"
+            )
         times = resolve_times(cloud.gps_s, clock, span_ns)
         if not times.fits.any():
             raise UsageError(
                 f"{path}: none of its {len(cloud.gps_s)} points was measured during the flight, which the log"
                 f" tells to be from {' to '.join(map(time_of_day, span_ns))}: by its header its times begin"
-                f" with {first_by_header(cloud.gps_s, clock, span_ns)}"
+                f" with {first_by_header(cloud.gps_s, clock, span_ns)}{_offset(cloud.gps_s, clock, span_ns)}"
             )
         order = np.argsort(times.stamp_ns, kind="stable")
         order = order[times.fits[order]]
@@ -67,6 +74,7 @@ class StoredCloud:
         self._path, self._scales = path, cloud.scales
         self._reference = cloud.reference
         self._without_frame = 0
+        self._above = self._compared = 0
 
     def summary(self) -> dict[str, Any]:
         return {
@@ -74,6 +82,9 @@ class StoredCloud:
             "points": len(self._stamp_ns) + self._outside,
             "points_outside_log": self._outside,
             "before_position": self._without_frame,
+            "points_above_vehicle": self._above,
+            "points_beside_vehicle": self._compared,
+            "vertical_datum": self._reference.heights,
             "times": NAMES[self._clock],
             "times_in_header": NAMES[self._header],
         }
@@ -98,8 +109,17 @@ class StoredCloud:
         pose = rerun.history.latest(int(stamps[-1]))
         sensor = np.full(3, np.nan) if pose is None else np.array(pose.position_enu_m)
         points = np.ascontiguousarray(frame.enu_m(*self._lla[part].T))
+        if pose is not None:
+            self._compared += len(points)
+            self._above += int(np.count_nonzero(points[:, 2] > sensor[2]))
         attributes = None if self._attributes is None else self._attributes.select(part)
         rerun.add_placed(Scan(points, stamps, sensor, frame, attributes=attributes))
+
+
+def _offset(gps_s: NDArray[np.float64], clock: Clock, span_ns: tuple[int, int]) -> str:
+    """Return which offset would put the times, in the header's meaning, into the flight; empty if unknown."""
+    found = span_by_header(gps_s, clock, span_ns)
+    return "" if found is None else f": {fitting_offset(found, span_ns)}"
 
 
 def _lla(path: Path, cloud: GeoreferencedCloud) -> NDArray[np.float64]:

@@ -107,6 +107,7 @@ def write(path: Path, raster: Raster, maps: Maps, metric: Metric) -> Path:
                         place = Window(window.col0, rows - window.row1, *found.shape[::-1])
                         file.write(np.ascontiguousarray(found[::-1]), 1, window=place)
                 file.set_band_description(1, raster.meaning)
+                file.update_tags(VERTICAL_DATUM=metric.reference.heights)
                 if raster.unit:
                     file.set_band_unit(1, raster.unit)
                 # Built before compression, since the COG driver would compress them twice.

@@ -29,7 +29,7 @@ def zones(
 ) -> list[Path]:
     """Write the zones in all formats, a table of them and the page, and return the paths."""
     geojson, kml, fgb, csv = (folder / f"zones.{suffix}" for suffix in ("geojson", "kml", "fgb", "csv"))
-    write_geojson(geojson, found.shapes, described)
+    write_geojson(geojson, found.shapes, described, found.metric.reference.heights)
     rows = flat(described)
     write_kml(kml, found.shapes, rows)
     write_flatgeobuf(fgb, found.shapes, rows)

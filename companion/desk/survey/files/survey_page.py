@@ -42,6 +42,7 @@ def write_page(path: Path, found: Findings, described: Sequence[dict[str, Any]])
         "colours": [CERTAIN, LESS_CERTAIN, UNCERTAIN],
         "limits": [p.confidence_factor, p.uncertain_below],
         "crs": found.metric.reference.name,
+        "heights": found.metric.reference.heights,
         "cells": {"cell_m": p.cell_m, **found.cells},
         "points": found.n_used,
         "all": len(described),

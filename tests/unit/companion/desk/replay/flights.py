@@ -215,8 +215,13 @@ def _put(writer: Any, ip: Any, at_ns: int) -> None:
 # ---- clouds beside a log ----------------------------------------------------------------------------
 
 
-def write_laz(out: Path, week: bool = False, timed: bool = True) -> Path:
-    """Write the ground seen as a georeferenced cloud, with times of GPS since 1980 or of the week."""
+def write_laz(
+    out: Path, week: bool = False, timed: bool = True, crs: str = "EPSG:32632", up_m: float = 0.0
+) -> Path:
+    """Write the ground seen as a georeferenced cloud, with times of GPS since 1980 or of the week.
+
+    crs: one in metres of that zone. up_m: added to the heights.
+    """
     points, stamps = returns()
     place, quat = path(stamps * 1e-9)
     body = points.astype(np.float64) @ LANDING_MOUNT.rotation_frd_from_sensor().T + LANDING_MOUNT.lever_frd_m
@@ -224,12 +229,12 @@ def write_laz(out: Path, week: bool = False, timed: bool = True) -> Path:
     ned = Rotation.from_quat(np.stack([x, y, z, w], -1)).apply(body)
     lat, lon, alt = HOME.lla(place + ned[:, [1, 0, 2]] * [1, 1, -1]).T
     header = laspy.LasHeader(point_format=6 if timed else 0, version="1.4")
-    header.add_crs(CRS.from_epsg(32632))
+    header.add_crs(CRS.from_user_input(crs))
     header.global_encoding.gps_time_type = laspy.header.GpsTimeType(int(not week))
     header.scales, header.offsets = [0.001] * 3, [4e5, 5e6, 0]
     las = laspy.LasData(header)
     las.x, las.y = Transformer.from_crs(4326, 32632, always_xy=True).transform(lon, lat)
-    las.z = alt
+    las.z = alt + up_m
     if timed:
         gps_s = (BEGIN_NS // 10**9 - 315_964_800 + 18) + stamps * 1e-9
         las.gps_time = gps_s % 604_800 if week else gps_s - 1e9

@@ -92,6 +92,34 @@ def test_a_placed_cloud_is_mapped_by_its_times_beside_the_log(
         again(files / "yesterday.tlog", points=str(cloud))
 
 
+def test_a_cloud_of_heights_above_the_ellipsoid_is_refused_beside_a_log(files: Path, tmp_path: Path) -> None:
+    """The log's heights are above mean sea level, 47 m less here: the ground would be above the vehicle."""
+    three = CRS.from_epsg(32632).to_3d().to_wkt()
+    cloud = flights.write_laz(tmp_path / "ellipsoid.laz", crs=three, up_m=47.6)
+    with pytest.raises(UsageError, match="heights are above the ellipsoid .* those of the log above mean"):
+        again(files / "flight.tlog", points=str(cloud))
+
+
+def test_ground_above_the_vehicle_that_flies_over_it_is_told(files: Path, tmp_path: Path) -> None:
+    plain = again(files / "flight.tlog", points=str(flights.write_laz(tmp_path / "plain.laz")))
+    assert not any("above the vehicle" in line for line in plain["warnings"])
+    assert "unknown" in plain["source"]["vertical_datum"]
+    cloud = flights.write_laz(tmp_path / "silent.laz", up_m=47.6)
+    summary = again(files / "flight.tlog", points=str(cloud))
+    assert any("points lie above the vehicle that measured them" in line for line in summary["warnings"])
+    named = flights.write_laz(tmp_path / "named.laz", crs="EPSG:32632+5773")
+    source = again(files / "flight.tlog", points=str(named))["source"]
+    assert source["vertical_datum"] == "EGM96 geoid"
+
+
+def test_times_of_another_epoch_say_which_offset_would_fit(files: Path, tmp_path: Path) -> None:
+    late = flights.write_tlog(tmp_path / "late.tlog", shift_ns=1024 * 604_800 * 10**9)
+    with pytest.raises(UsageError, match=r"an offset of \+1 x 1024 weeks .* would fit"):
+        again(late, points=str(flights.write_laz(tmp_path / "cloud.laz")))
+    with pytest.raises(UsageError, match=r"clocks are not the same, an offset of -1 days would fit"):
+        again(files / "yesterday.tlog", points=str(files / "lidar.pcap"))
+
+
 def test_a_placed_cloud_without_times_is_refused(files: Path, tmp_path: Path) -> None:
     cloud = flights.write_laz(tmp_path / "cloud.laz", timed=False)
     with pytest.raises(UsageError, match="have no times"):
