@@ -55,6 +55,7 @@ def lost_for_time(source: Counts, returns: Counts) -> list[str]:
         said.append(
             f"times of points are {source['times']}, though the header tells {source['times_in_header']}"
         )
+    said += clock_steps(source)
     above, compared = source.get("points_above_vehicle", 0), source.get("points_beside_vehicle", 0)
     if above > ABOVE_SHARE * compared:
         said.append(
@@ -73,6 +74,7 @@ def lost_for_time(source: Counts, returns: Counts) -> list[str]:
 def why_nothing(feed: Feed, rerun: Rerun) -> str:
     """Return the reason why no return could be georeferenced."""
     others = [
+        *clock_steps(feed.summary()),
         *snapped_packets(feed.summary()),
         *absent(feed.summary()),
         *([f"{feed.bad} messages cannot be read"] if feed.bad else []),
@@ -88,7 +90,7 @@ def why_nothing(feed: Feed, rerun: Rerun) -> str:
         return (
             f"returns of {time_of_day(first)} to {time_of_day(last)} have no poses, which are of"
             f" {time_of_day(begun)} to {time_of_day(ended)}: their clocks are not the same,"
-            f" {fitting_offset(rerun.span_ns, rerun.poses_ns)}"
+            f" {'; '.join([fitting_offset(rerun.span_ns, rerun.poses_ns), *clock_steps(feed.summary())])}"
         )
     counts = rerun.assembler.statistics()
     return (
@@ -134,6 +136,15 @@ def not_mapped(feed: Feed, rerun: Rerun) -> list[str]:
     if rerun.history.epoch:
         found.append(f"the position estimate jumped {rerun.history.epoch} times, and the map began anew")
     return [*absent(feed.summary()), *found]
+
+
+def clock_steps(source: Counts) -> list[str]:
+    """Return a sentence for each time that the recorder's clock was set."""
+    return [
+        f"the recorder's clock was set by {one['step_ns'] * 1e-9:+.1f} s at {time_of_day(one['at_ns'])}:"
+        " cut log and points there, and replay the parts"
+        for one in source.get("clock_steps", ())
+    ]
 
 
 def absent(source: Counts) -> list[str]:

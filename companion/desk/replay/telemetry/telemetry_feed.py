@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.desk.replay.foreign_replay import Act, Rerun
 from companion.desk.replay.recorded_sensors import ORDERS
+from companion.desk.replay.telemetry.recorder_clock import RecorderClock
 from companion.desk.replay.telemetry.telemetry_log import Logged, TelemetryLog
 from companion.flight.link.command_server import CommandServer
 from companion.flight.link.inbox import Inbox
@@ -60,6 +61,7 @@ class TelemetryFeed:
         self._system = system
         self._gate = PositionGate(sys.maxsize if tells_fix else 0)
         self._repeated = RepeatedFrames()
+        self._clock = RecorderClock()
         self._inbox: Inbox | None = None
 
     @property
@@ -77,11 +79,12 @@ class TelemetryFeed:
             "positions_without_fix": self._gate.refused,
             "frames_repeated": self._repeated.copies,
             "messages_late": old,
+            "clock_steps": [{"at_ns": at_ns, "step_ns": step_ns} for at_ns, step_ns in self._clock.steps],
         }
         return counts | self._points.summary()
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
-        self._repeated = RepeatedFrames()
+        self._repeated, self._clock = RepeatedFrames(), RecorderClock()
         inbox = self._inbox = Inbox(
             Codec(rerun.parameters.component_id), CommandServer(), VehicleIdentity(self._system), self._gate
         )
@@ -91,10 +94,15 @@ class TelemetryFeed:
         hear = _LogHandler(inbox, rerun)
         heard = (
             (logged.at_ns, partial(hear, logged))
-            for logged in self._log.messages()
+            for logged in self._messages()
             if not self._repeated.is_copy(logged.message, logged.at_ns)
         )
         return heapq.merge(heard, self._points.steps(rerun), key=itemgetter(0))
+
+    def _messages(self) -> Iterator[Logged]:
+        for logged in self._log.messages():
+            self._clock.note(logged.message, logged.at_ns)
+            yield logged
 
 
 class _LogHandler:

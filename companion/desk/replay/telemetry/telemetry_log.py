@@ -1,6 +1,6 @@
 """Reader of MAVLink telemetry logs of ground stations: repeated pairs of a time of day and a frame.
 
-The time is microseconds since 1970 in eight bytes, big-endian.
+The time is microseconds since 1970 in eight bytes, big-endian; a recorder without a clock begins in 1970.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from companion.flight.link.wire.framing import message_id
 from companion.runtime.errors import UsageError
 
 STAMP = struct.Struct(">Q")
-EARLIEST_US, LATEST_US = 10**15, 4 * 10**15  # 2001 to 2096
+LATEST_US = 4 * 10**15  # 2096
 V1, V2 = 0xFE, 0xFD
 V1_FRAME, V2_FRAME, SIGNATURE = 8, 12, 13  # bytes beside the payload
 SIGNED = 0x01
@@ -110,7 +110,7 @@ def _frame_bytes(data: mmap.mmap, at: int) -> int | None:
     """Return the length of the frame after the stamp at `at`; None if there is none."""
     head = data[at : at + STAMP.size + 3]
     (at_us,) = STAMP.unpack_from(head)
-    if not EARLIEST_US < at_us < LATEST_US or len(head) < STAMP.size + 3:
+    if at_us >= LATEST_US or len(head) < STAMP.size + 3:
         return None
     magic, payload, flags = head[STAMP.size :]
     if magic == V1:

@@ -188,11 +188,12 @@ def _telemetry(angles: bool, old: bool = False) -> list[tuple[int, bytes]]:
     return found
 
 
-def write_pcap(out: Path, cut_up: bool = False) -> Path:
+def write_pcap(out: Path, cut_up: bool = False, shift_ns: int = 0) -> Path:
     """Write the packets as Ethernet frames, with others between; or each cut up in two fragments."""
     with out.open("wb") as file:
         writer = dpkt.pcap.Writer(file)
-        for k, (at_ns, data) in enumerate(packets()):
+        for k, (taken_ns, data) in enumerate(packets()):
+            at_ns = taken_ns + shift_ns
             udp = bytes(dpkt.udp.UDP(sport=56300, dport=56301, data=data, ulen=8 + len(data)))
             pieces = [(0, 0, udp)] if not cut_up else [(1, 0, udp[:800]), (0, 100, udp[800:])]
             for more, offset, piece in pieces:

@@ -435,6 +435,14 @@ def test_a_log_of_two_links_is_read_once_though_copies_come_seconds_late(tmp_pat
     assert any(f"{copies} frames of the log came once more" in line for line in summary["warnings"])
 
 
+@pytest.mark.parametrize("begin_s", [95, 946_684_900])
+def test_a_flight_recorded_without_a_clock_is_read(tmp_path: Path, begin_s: int) -> None:
+    """A companion without a clock chip begins in 1970, or at the date of its image: both files do."""
+    shift_ns = begin_s * 10**9 - BEGIN_NS
+    log = flights.write_tlog(tmp_path / "flight.tlog", shift_ns=shift_ns)
+    check_zones(again(log, points=str(flights.write_pcap(tmp_path / "lidar.pcap", shift_ns=shift_ns))))
+
+
 def test_frames_of_the_older_mavlink_are_read_alike(tmp_path: Path) -> None:
     logs = [TelemetryLog(flights.write_tlog(tmp_path / f"{old}.tlog", old=old)) for old in (False, True)]
     new, old = ([(m.at_ns, m.message.to_dict()) for m in log.messages()] for log in logs)
