@@ -20,6 +20,9 @@ LATER = frozenset({"MAN_OVERRIDE_SPD", "EAV_EN"})
 """What newer versions have."""
 
 
+FENCE = {"GF_MAX_HOR_DIST": 0.0, "GF_MAX_VER_DIST": 0.0}  # none
+
+
 def good_values() -> dict[str, float]:
     """Return what our parameter file sets in this version, by name."""
     return {row.name: row.value for row in required("px4") if row.name not in LATER}
@@ -68,6 +71,8 @@ class Px4(Autopilot):
         for message in self.received[before:]:
             if message.get_type() == "PARAM_REQUEST_READ":
                 self._parameter(message.param_id)
+            elif message.get_type() == "MISSION_REQUEST_LIST":
+                self.send(mavlink.MAVLink_mission_count_message(1, 191, 0, message.mission_type))
 
     def _command(self, m: Any) -> None:
         refused = m.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL and not self._has(int(m.param1))
@@ -93,10 +98,11 @@ class Px4(Autopilot):
         if self.lose.get(name, 0) > 0:
             self.lose[name] -= 1
             return
-        if name not in self.values:
+        values = FENCE | self.values
+        if name not in values:
             return
         whole = next((row.integer for row in required("px4") if row.name == name), None)
-        value, kind = self.values[name], mavlink.MAV_PARAM_TYPE_REAL32
+        value, kind = values[name], mavlink.MAV_PARAM_TYPE_REAL32
         if whole:
             value = struct.unpack("<f", struct.pack("<i", int(value)))[0]
             kind = mavlink.MAV_PARAM_TYPE_INT32

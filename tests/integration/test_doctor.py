@@ -74,6 +74,12 @@ def test_a_vehicle_set_up_for_us_is_healthy() -> None:
     assert files - others <= checks  # other versions have these
 
 
+def test_the_fence_is_read_and_named() -> None:
+    findings = examined(height_m=10.0, PRX1_TYPE=2.0, FENCE_ENABLE=1.0, FENCE_RADIUS=25.0, FENCE_TYPE=3.0)
+    (fence,) = (finding for finding in findings if finding.check == "fence")
+    assert (fence.state, fence.found) == ("ok", "circle of 25 m, flown up to 96 m; 4 m kept from it")
+
+
 def test_the_time_to_identify_the_vehicle_is_not_taken_off_the_time_to_listen() -> None:
     findings = examined(height_m=10.0, PRX1_TYPE=2.0, seconds=5.5)
     assert healthy(findings), [finding for finding in findings if finding.state != "ok"]

@@ -6,9 +6,11 @@ import asyncio
 import contextlib
 import logging
 from dataclasses import dataclass, field
+from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.flight.doctor.fence_check import fence_finding
 from companion.flight.doctor.finding import Finding
 from companion.flight.doctor.grounded_check import grounded_findings
 from companion.flight.doctor.imu_check import ImuObservation
@@ -25,6 +27,7 @@ from companion.flight.link.parameter_reader import ParameterReader
 from companion.flight.link.vehicle_identity import LISTEN_NS, VehicleIdentity
 from companion.flight.link.wire.signing import Signing
 from companion.flight.sensors.lidar_url import Lidar, open_lidar
+from companion.flight.services.fence_reader import FenceReader
 from companion.runtime.clock import now_ns
 from params import Parameters, airworthy, required
 
@@ -34,7 +37,7 @@ STEP_S = 0.02
 TIMER_S = 0.01
 SETTLE_S = 2.0
 IDENTIFY_S = LISTEN_NS * 1e-9 + 1.5  # the first heartbeat arrives within a second
-PARAMETERS_S = 20.0
+PARAMETERS_S, FENCE_S = 20.0, 15.0
 VERSION_TRIES, VERSION_S = 3, 0.3
 
 
@@ -91,6 +94,7 @@ class Examination:
                 findings = self._lidar(lidar, (now_ns() - begun_ns) * 1e-9)
                 findings += inertial.findings(lidar.statistics())
                 findings = [*await self._autopilot(link), *findings, *await self._parameters(link)]
+                findings += await self._fence(link)
                 await link.close()
                 for part in parts[1:]:
                     part.cancel()
@@ -157,6 +161,39 @@ class Examination:
             for unsubscribe in forget:
                 unsubscribe()
         return parameter_findings(rows, reader.values, reader.absent)
+
+    async def _fence(self, link: Link) -> list[Finding]:
+        """Read the fence once."""
+        vehicle, reader = link.vehicle, FenceReader()
+        if vehicle.sysid is None or vehicle.autopilot == "other" or link.key_mismatch is not None:
+            return []
+        system, us = vehicle.sysid, (link.system_id, link.component_id)
+
+        def answer(message: Any, at_ns: int) -> None:
+            for reply in reader.on_mission(message, at_ns, system, us):
+                link.send(reply)
+
+        def read(message: Any, _at_ns: int) -> None:
+            reader.on_parameter(message)
+
+        missions, values = (
+            ("MISSION_COUNT", "MISSION_ITEM_INT", "MISSION_ACK"),
+            ("PARAM_VALUE", "PARAM_ERROR"),
+        )
+        forget = [link.subscribe(name, answer) for name in missions]
+        forget += [link.subscribe(name, read) for name in values]
+        try:
+            async with asyncio.timeout(FENCE_S):
+                while not reader.is_read:
+                    for request in reader.poll(now_ns(), link.vehicle, link.connected, us, quiet=True):
+                        link.send(request)
+                    await asyncio.sleep(STEP_S)
+        except TimeoutError:
+            pass  # then it is unknown
+        finally:
+            for unsubscribe in forget:
+                unsubscribe()
+        return [fence_finding(reader.fence(link.vehicle))]
 
     async def _identify(self, link: Link) -> None:
         """Wait until the vehicle is connected, at most `IDENTIFY_S`, which includes listening for others."""

@@ -60,6 +60,7 @@ def services(
 ) -> tuple[Services, Settings, Any]:
     link = SimpleNamespace(
         connected=True,
+        key_mismatch=None,
         system_id=1,
         component_id=191,
         vehicle=VehicleState(sysid=1, position_lla=(47.0, 8.0, 400.0), relative_alt_m=0.0, armed=True),
