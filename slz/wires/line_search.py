@@ -99,9 +99,15 @@ def _is_wire(found: Found, candidates: WireCandidates, air: OccupiedAir) -> bool
 
 
 def is_explained(found: Found, own: WireCandidates, air: OccupiedAir) -> bool:
-    """Return whether what is around a known wire explains its returns by now: it is part of a surface."""
+    """Return whether what is known by now explains a wire: it is part of a surface, or low over the floor."""
+    if not air.around(found.curve, found.start_m, found.stop_m).is_high(_places(found)):
+        return True
     alarms = _log_false_alarms(found, own, len(own), air)
     return alarms is not None and alarms > 0
+
+
+def _places(found: Found) -> int:
+    return round((found.stop_m - found.start_m) / VOXEL_M) + 1
 
 
 def _log_false_alarms(found: Found, own: WireCandidates, stored: int, air: OccupiedAir) -> float | None:
@@ -113,7 +119,7 @@ def _log_false_alarms(found: Found, own: WireCandidates, stored: int, air: Occup
     around = air.around(found.curve, found.start_m, found.stop_m)
     way = own.points_enu_m - own.sensors_enu_m
     steepness = float(np.median(-way[:, 2] / np.maximum(np.hypot(way[:, 0], way[:, 1]), 0.1)))
-    places = round((found.stop_m - found.start_m) / VOXEL_M) + 1
+    places = _places(found)
     if not around.is_high(places) or (steepness > LEVEL and not around.below_is_seen):
         return None
     along_m, _ = found.curve.distances_m(own.points_enu_m)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from slz.air.seen_air import SeenAir
 from slz.kernels.lines.voxel_occupancy import (
+    AGREED_M,
     DIRECTIONS,
     HELD,
     LEVELS,
@@ -29,7 +30,9 @@ from slz.wires.sagging_curve import SaggingCurve
 EPOCH_S = 10.0
 EPOCHS, KEPT = 250, 13  # after `EPOCHS` all is forgotten; `KEPT` are looked at
 MOST_NEIGHBOURS = 5  # directions in which the air beside a return of a wire is occupied
-BELOW_SENSOR_M = 3.0  # from which a return may be ground; when it is lower, half its height
+BELOW_SENSOR_M = 3.0  # from which a return may be ground that was not seen yet
+UNDER_M, FEWEST_BELOW = 3.0, 50  # distance from the sensor over ground, and returns, that tell what is below
+FENCE_M = 2.5  # over the floor, or the ground below the sensor where no floor is known: lower is no wire
 HIGH_SHARE = 0.8  # least share of the places of a curve that are high over the floor
 LOOKED_AT = 0.1  # least share of the air below a curve
 LEAST_OVER_M = 1.5  # of a wire over the ground, lower than which it is not followed
@@ -54,6 +57,19 @@ class Surrounding:
         """Whether air below the curve was looked at."""
         down = slice(5 * DIRECTIONS // 8, 7 * DIRECTIONS // 8 + 1)
         return bool(self.looked_at[down].sum() >= LOOKED_AT * self.above[down].sum())
+
+
+def _ground_below_m(points_m: Floats, sensor_m: Floats) -> float:
+    """Return the height of the ground right below the sensor, by its returns (n, 3); -inf where unknown.
+
+    Returns of dust below the sensor are at many heights, those of ground at one.
+    """
+    way = points_m - sensor_m
+    heights = points_m[(way[:, 2] < 0) & (np.hypot(way[:, 0], way[:, 1]) < UNDER_M), 2]
+    if len(heights) < FEWEST_BELOW:
+        return -np.inf
+    low, middle = np.percentile(heights, (10, 50)).tolist()
+    return float(low) if middle - low <= AGREED_M else -np.inf
 
 
 class OccupiedAir:
@@ -86,10 +102,10 @@ class OccupiedAir:
             self._occupied[:] = 0
         self._epoch = epoch
         east, north, up = sensor_m.tolist()
-        height_m = up - floor_below(east, north, self._lowest, self._cell)
-        ceiling_m = (
-            up - max(0.0, min(BELOW_SENSOR_M, height_m / 2)) if np.isfinite(height_m) else up - BELOW_SENSOR_M
-        )
+        floor_m = floor_below(east, north, self._lowest, self._cell)
+        if not np.isfinite(floor_m):
+            floor_m = _ground_below_m(points_m, sensor_m)
+        ceiling_m = max(up - BELOW_SENSOR_M, floor_m + FENCE_M)
         self._windows += 1
         scratch = self._windows, self._below, self._below_of
         over = heights_over_floor(points_m, ceiling_m, self._lowest, self._cell, *scratch)
@@ -101,6 +117,13 @@ class OccupiedAir:
         place = (*self._epochs, self._occupied, self._column)
         count = neighbour_directions(np.ascontiguousarray(points_m), *place, MOST_NEIGHBOURS + 1)
         return np.asarray(count <= MOST_NEIGHBOURS)
+
+    def is_raised(self, points_m: Floats) -> NDArray[np.bool_]:
+        """Return which points (n, 3) are higher over the floor known by now than a fence, or over none."""
+        scratch = self._windows, self._below, self._below_of
+        points, unchanged = np.ascontiguousarray(points_m), -np.inf
+        over = heights_over_floor(points, unchanged, self._lowest, self._cell, *scratch)
+        return np.asarray(over >= FENCE_M)
 
     def around(self, curve: SaggingCurve, start_m: float, stop_m: float) -> Surrounding:
         """Return what is known of the air around a curve, from one place along it to another."""

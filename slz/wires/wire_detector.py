@@ -13,11 +13,10 @@ from slz.air.seen_air import SeenAir
 from slz.frame import is_known
 from slz.wires.detected_wire import Wire
 from slz.wires.line_search import new_wires
-from slz.wires.occupied_air import OccupiedAir
+from slz.wires.occupied_air import FENCE_M, OccupiedAir
 from slz.wires.tracked_wire import TrackedWire
 from slz.wires.wire_candidates import WireCandidates
 
-LEAST_OVER_M = 2.5  # over the floor: lower is a fence
 PLACE_SD_M, PLACE_SD_SHARE = 0.05, 0.003  # of the vehicle, and of its attitude by range, beside the ray's own
 SHARES = 4  # of the stored returns, one of which is compared with the air around in a window
 MOST_WIRES = 64
@@ -91,7 +90,8 @@ class WireDetector:
         kept = self._candidates.bounded(now_s)
         some = np.arange(self._window % SHARES, len(kept), SHARES)
         still = np.ones(len(kept), bool)
-        still[some] = self._air.is_thin(kept.points_enu_m[some])
+        held = kept.points_enu_m[some]
+        still[some] = self._air.is_thin(held) & self._air.is_raised(held)
         kept = kept.some(still)
         self._candidates = kept.joined_with(new).bounded(now_s)
         self._search(max(0, len(self._candidates) - len(new)), sensor_m, stamp_ns)
@@ -101,7 +101,7 @@ class WireDetector:
         return tuple(tracked.wire(datum_m) for tracked in self.tracked)
 
     def _raised(self, points: Floats, over: Floats, sensor_m: Floats, now_s: float) -> WireCandidates:
-        at = np.flatnonzero(over >= LEAST_OVER_M)
+        at = np.flatnonzero(over >= FENCE_M)
         ranges = np.linalg.norm(points[at] - sensor_m, axis=1)
         of_use = (ranges >= NEAREST_M) & (ranges <= FARTHEST_M)
         at, ranges = at[of_use], ranges[of_use]

@@ -236,6 +236,55 @@ def test_what_is_no_wire_is_none(name: str, way: list[Floats]) -> None:
         assert not any(known), f"window {next(k for k, wires in enumerate(known) if wires)}"
 
 
+def low_hedge(rng: np.random.Generator, sensor: Floats) -> Floats:
+    """Return a hedge of 1.1 m, 27 m away, hit seldom."""
+    n = rng.poisson(15)
+    return np.column_stack([np.full(n, -27.0), rng.uniform(-30, 30, n), rng.uniform(0.0, 1.1, n)])
+
+
+def ground_around(rng: np.random.Generator, sensor: Floats) -> Floats:
+    """Return level ground as far away as its rays are not grazing: 6 times the sensor's height."""
+    half_m = min(30.0, max(3.0, 6 * sensor[2]))
+    return ground(4.0, half_m=half_m)(rng, sensor)
+
+
+def test_a_hedge_seen_from_the_ground_before_the_take_off_is_no_wire() -> None:
+    """Over ground that was not seen yet it is no higher over the ground below the vehicle than a fence."""
+    heights = [0.3] * 8 + [1.8, 3.3, 4.8, 6.3, 7.8, 9.3]
+    for seed in range(2):
+        _, known = watch([ground_around, low_hedge], [np.array([0.0, 0.0, z]) for z in heights], seed)
+        assert not any(known), f"window {next(k for k, wires in enumerate(known) if wires)}"
+
+
+def test_specks_below_a_sensor_that_sees_no_ground_are_no_ground() -> None:
+    """A wire ahead, 1 m lower than the sensor, is over no floor and counts."""
+
+    def specks(rng: np.random.Generator, sensor: Floats) -> Floats:
+        return sensor + rng.uniform((-2, -2, -1.5), (2, 2, -0.5), (3, 3))
+
+    way = approach([0.0, -20.0, 10.0], [0.0, 4.0, 10.0], 15)
+    _, known = watch([specks, wire(LINE, 1.0)], way)
+    assert len(known[-1]) == 1
+
+
+def test_a_line_over_ground_not_seen_is_a_wire_until_the_ground_is_seen_near_below() -> None:
+    """A fence on a slope, whose ground comes into view late."""
+    line = Catenary(np.array([-20.0, 25.0, 9.0]), np.array([20.0, 25.0, 9.0]), 0.01)
+
+    def slope(rng: np.random.Generator, sensor: Floats) -> Floats:
+        seen_there = 2000 if sensor[2] > 12 else 0
+        return np.column_stack([rng.uniform((-30, 20), (30, 40), (seen_there, 2)), np.full(seen_there, 7.8)])
+
+    def near(rng: np.random.Generator, sensor: Floats) -> Floats:
+        points = ground(4.0)(rng, sensor)
+        return points[points[:, 1] < 20]
+
+    way = approach([0.0, -10.0, 10.0], [0.0, 5.0, 11.0], 12) + approach([0.0, 5.0, 12.5], [0.0, 5.0, 14.0], 8)
+    _, known = watch([near, slope, wire(line, 0.5)], way)
+    assert len(known[11]) == 1
+    assert not known[-1]
+
+
 @pytest.mark.parametrize("name", ["thin dust", "dust", "forest hit seldom"])
 def test_a_wire_beside_clutter_is_found(name: str) -> None:
     _, known = watch([ground(4.0), NONE[name][0], wire(LINE, 1.0)], TOWARDS)
