@@ -446,8 +446,17 @@ def test_epochs_hold_count_mean_noise_and_the_two_lowest_and_highest(seed: int) 
                 assert evidence[row, col, 1, TIME] == cell.last_s
 
 
-def supported(cells: dict[tuple[int, int], list[float]], row: int, col: int) -> tuple[float, float, float]:
-    """Height, bottom and top of one cell by the rule that a second return must reach as far."""
+Heights = dict[tuple[int, int], list[float]]
+
+
+def supported(
+    cells: Heights, row: int, col: int, seen: Heights, alone: tuple[float, float] | None = None
+) -> tuple[float, float, float]:
+    """Height, bottom and top of one cell by the rule that a second return must reach as far.
+
+    seen: heights of both epochs, by whose number support is needed. alone: bottom and top where the only
+    return has none to support it; by default its own.
+    """
 
     def upper(sign: int) -> tuple[float, float]:
         """Return the highest return and how high the next one reaches, of heights times the sign."""
@@ -462,13 +471,13 @@ def supported(cells: dict[tuple[int, int], list[float]], row: int, col: int) -> 
         return own[0], max(others, default=math.inf)
 
     own = cells[row, col]
-    nearby = sum(len(cells.get((i, j), [])) for i in range(row - 1, row + 2) for j in range(col - 1, col + 2))
+    nearby = sum(len(seen.get((i, j), [])) for i in range(row - 1, row + 2) for j in range(col - 1, col + 2))
     if nearby <= FEW:
         return float(np.mean(own)), min(own), max(own)
     (high, next_high), (low, next_low) = upper(1), upper(-1)
     low, next_low = -low, -next_low
     if math.isinf(next_high):
-        return float(np.mean(own)), low, high
+        return float(np.mean(own)), *(alone or (low, high))
     top, bottom = min(high, next_high), max(low, next_low)
     if top < bottom:
         top = bottom = next_high if high > next_high else next_low
@@ -501,9 +510,11 @@ def test_the_summary_joins_the_epochs_and_drops_what_stands_alone(seed: int) -> 
                 continue
             n = len(cells[row, col])
             assert got[WEIGHT] == n
-            height, bottom, top = supported(cells, row, col)
-            _, own_bottom, own_top = supported(current, row, col)
-            expected = height, min(bottom, own_bottom), max(top, own_top)
+            height, bottom, top = supported(cells, row, col, cells)
+            expected = height, bottom, top
+            if (bottom, top) != (min(cells[row, col]), max(cells[row, col])):
+                _, own_bottom, own_top = supported(current, row, col, cells, (bottom, top))
+                expected = height, min(bottom, own_bottom), max(top, own_top)
             assert got[[HEIGHT, BOTTOM, TOP]] == pytest.approx(expected, abs=1e-3)
             check_excess(float(got[EXCESS]), n, float(np.mean(noise[row, col])))
 

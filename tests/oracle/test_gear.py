@@ -168,6 +168,42 @@ def test_a_kerb_is_refused_where_small_feet_straddle_it_and_accepted_beside_it()
     assert without[:, straddling].mean() > 0.9  # the relief of 2 m alone does not see it
 
 
+def swayed_window(number: int, p: params.Parameters) -> Window:
+    """Level ground seen by 10 returns/m² from 20 m up, each of 20 scans with an attitude 0.15 degrees off."""
+    rng, sensor = np.random.default_rng(number), np.array([0.0, 0.0, 20.0])
+    n = rng.poisson(10 * (2 * HALF_M) ** 2)
+    way = np.column_stack([rng.uniform(-HALF_M, HALF_M, (n, 2)), np.full(n, -sensor[2])])
+    range_m = np.linalg.norm(way, axis=1, keepdims=True)
+    turn = rng.normal(0, math.radians(p.angle_noise_deg), (n, 3))
+    turn += rng.normal(0, math.radians(0.15), (20, 3))[rng.integers(0, 20, n)]
+    points = sensor + (way + np.cross(turn, way)) * (1 + rng.normal(0, p.range_noise_m, (n, 1)) / range_m)
+    stamps = np.int64(number * 10**9) + np.linspace(0, 9e8, n).astype(np.int64)
+    return Window(points, stamps, sensor, FRAME, int(stamps[0]), int(stamps[-1]))
+
+
+def test_noise_and_sway_take_no_heading_from_even_ground_that_had_one() -> None:
+    """The extremes of tens of returns under a pad are no edge, nor is one stray return of a new epoch."""
+    p, rng = params.load("quadcopter", []), np.random.default_rng(1)
+    pipe, points = Pipeline(p, (0.0, 0.0), follow=False), rng.uniform(-5.5, 5.5, (24, 3)) * (1, 1, 0)
+    stood, lost = np.zeros(len(points), bool), 0
+    for number in range(16):
+        pipe.process(swayed_window(number, p))
+        if number < 6:
+            continue
+        near = pipe.method.maps[0].terrain  # type: ignore[attr-defined]
+        stands = np.array(
+            [
+                near.state_at(one, p.touchdown_error_m) == 1
+                and bool(near.footing_at(one, p.touchdown_error_m).headings_deg)
+                for one in points
+            ]
+        )
+        lost += int((stood & ~stands).sum())
+        stood = stands
+    assert stood.mean() > 0.95
+    assert lost == 0
+
+
 def test_wide_feet_stand_on_a_kerb_that_small_ones_do_not() -> None:
     at, wide = safe_map(kerb(0.2, 0.0), load("pads 2 m across"))
     assert wide[:, np.abs(at) < 0.1].mean() > 0.9

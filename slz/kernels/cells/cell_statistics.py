@@ -152,15 +152,36 @@ def _read_row(
 
 
 @kernel_for_any_types
-def _supported(held: Row, width: int, south: int, here: int, north: int) -> tuple[Floats, Floats]:
-    """Return the supported top and bottom of cells, see `summarise`."""
+def _nearby(held: Row, south: int, here: int, north: int) -> Floats:
+    """Return the numbers of returns of 3 x 3 cells."""
+    nearby = broadcast(F0)
+    for row in (south, here, north):
+        for at in range(row - 1, row + 2):
+            nearby = nearby + load(held, at)
+    return nearby
+
+
+@kernel_for_any_types
+def _supported(
+    held: Row,
+    width: int,
+    south: int,
+    here: int,
+    north: int,
+    nearby: Floats,
+    top_alone: Floats,
+    bottom_alone: Floats,
+) -> tuple[Floats, Floats]:
+    """Return the supported top and bottom of cells, see `summarise`.
+
+    nearby: returns of both epochs there. top_alone, bottom_alone: where no return supports the only one.
+    """
     n, most, least = load(held, here), load(held, here + ROW_MAX * width), load(held, here + ROW_MIN * width)
     most2, least2 = load(held, here + ROW_MAX2 * width), load(held, here + ROW_MIN2 * width)
-    nearby, up, down = n, broadcast(LOWEST), broadcast(HIGHEST)
+    up, down = broadcast(LOWEST), broadcast(HIGHEST)
     for row in (south, here, north):
         for at in range(row - 1, row + 2):
             if at != here:
-                nearby = nearby + load(held, at)
                 up = maximum(up, load(held, at + UP * width))
                 down = minimum(down, load(held, at + DOWN * width))
     single = n < broadcast(CROWD)
@@ -171,8 +192,8 @@ def _supported(held: Row, width: int, south: int, here: int, north: int) -> tupl
     top, bottom = where(crossed, level, top), where(crossed, level, bottom)
     enough, alone = broadcast(FEW_RETURNS) < nearby, most2 == broadcast(LOWEST)
     return (
-        where(alone, most, where(enough, top, most)),
-        where(alone, least, where(enough, bottom, least)),
+        where(enough, where(alone, top_alone, top), most),
+        where(enough, where(alone, bottom_alone, bottom), least),
     )
 
 
@@ -184,14 +205,15 @@ def _summarise_lanes(
     stray, nothing, one, unknown = broadcast(STRAY), broadcast(F0), broadcast(F1), broadcast(NAN)
     n, height = load(held, here), load(held, here + MEAN_HEIGHT * width)
     most, least = load(held, here + ROW_MAX * width), load(held, here + ROW_MIN * width)
-    top, bottom = _supported(held, width, south, here, north)
+    nearby = _nearby(held, south, here, north)
+    top, bottom = _supported(held, width, south, here, north, nearby, most, least)
     high, total = stray < most - top, height * n
     total, left = where(high, total - most, total), where(high, n - one, n)
     low = logical_and(stray < bottom - least, one < left)
     total, left = where(low, total - least, total), where(low, left - one, left)
     height = where(one < n, total / left, minimum(maximum(height, bottom), top))
     now = EPOCH * width
-    top_now, bottom_now = _supported(held, width, south + now, here + now, north + now)
+    top_now, bottom_now = _supported(held, width, south + now, here + now, north + now, nearby, top, bottom)
     cut = nothing < where(top < most, one, where(least < bottom, one, nothing))
     top, bottom = where(cut, maximum(top, top_now), top), where(cut, minimum(bottom, bottom_now), bottom)
     seen, spread = nothing < n, load(held, here + MEAN_NOISE * width)
@@ -216,7 +238,8 @@ def summarise(
 
     Top is the highest return of the cell, but no higher than its support: a second return that reaches as
     far. Bottom likewise. So one ghost does not make the ground unsafe, and two returns of a pole do. Where
-    returns are few, a wire or fence may have sent back a single one, so no support is needed. Support comes
+    returns of both epochs are few, a wire or fence may have sent back a single one, so no support is needed;
+    the few returns at the beginning of an epoch over ground seen often do need it. Support comes
     from the cell itself or, while the cell has few returns, from its neighbours: with many returns, ghosts in
     two adjacent cells are likely by chance. Older returns must not outvote new ones: where support cuts an
     extreme, top and bottom reach as far as the supported extremes of both epochs together or of the current

@@ -25,7 +25,6 @@ from slz.kernels.footprint.rest_pose import (
     A_LEVERAGE,
     A_LINE,
     A_PAD,
-    EDGE_SIGMAS,
     FARTHEST_RING,
     NOWHERE,
     PARTS,
@@ -50,6 +49,7 @@ CORNERS = 4 * RECTANGLES
 FINEST = 0.25  # of a cell: sides of the smallest boxes
 DEEPEST = 64  # boxes that wait to be looked at
 LOWER, FIRST, LAST, UPPER = range(4)  # contacts of a part that are at the upper side of their edges
+EDGE_SIGMAS = 6.0  # as in `rest_pose`, of tens of returns more: a pad may meet a hundred cells in all poses
 MOST_PLANES = 2048  # on which a gear may rest in one box; with more, it counts as tipping over
 # Box of poses: middle east and north of that of the touchdown's cell, yaw beyond the heading, and half its
 # sides (m, m, rad).
