@@ -33,6 +33,7 @@ from companion.flight.landing.phases.survey import Survey
 from companion.flight.landing.phases.waiting import Waiting
 from companion.flight.landing.situation import (
     COMMANDING,
+    STOPPED,
     Emergency,
     LandingRequest,
     Phase,
@@ -77,13 +78,13 @@ class Executive:
         self._ways_of: SelectedPoint | None = None
         self._ways: tuple[ApproachPath | None, ApproachPath | None] = None, None
         self._confirmed: Ground | None = None  # of the newest request with a confirmation
-        self._waiting, approach = Waiting(state), Approach(state)
-        self._survey, self._descent, self._climb = Survey(state, approach), Descent(state), Climb(state)
+        self._waiting, self._approach = Waiting(state), Approach(state)
+        self._survey, self._descent, self._climb = Survey(state, self._approach), Descent(state), Climb(state)
         self._commands_in: dict[Phase, Callable[[Situation], VehicleCommands]] = {
             Phase.IDLE: self._waiting.commands,
             Phase.LANDED: self._waiting.commands,
             Phase.SURVEY: self._survey.commands,
-            Phase.APPROACH: approach.commands,
+            Phase.APPROACH: self._approach.commands,
             Phase.DESCEND: self._descent.commands,
             Phase.FINAL: self._descent.final_commands,
             Phase.CLIMB: self._climb.commands,
@@ -212,8 +213,9 @@ class Executive:
         refusal = _not_flying(situation)
         if refusal is not None:
             return refusal
-        if situation.estimate_lost:
-            return Reply(False, f"{situation.estimate_lost} lost: fly by hand")
+        lost = self._what_is_lost(situation)
+        if lost:
+            return Reply(False, f"{lost} lost: fly by hand")
         self.state.ownership.on_leave_request(situation)
         return self._start(situation, LandingRequest(urgent=True))
 
@@ -252,8 +254,9 @@ class Executive:
             return Reply(False, "descending: abort first")
         if not s.guided:
             return Reply(False, "set GUIDED first")
-        if s.estimate_lost:
-            return Reply(False, f"{s.estimate_lost} lost: fly by hand")
+        lost = self._what_is_lost(s)
+        if lost:
+            return Reply(False, f"{lost} lost: fly by hand")
         too_windy = self.state.too_windy(s, request.urgent)
         if too_windy:
             return Reply(False, too_windy)
@@ -266,6 +269,10 @@ class Executive:
             self._confirmed = ground
             request = replace(request, confirmed=ground.surface.kind)
         return self._start(s, request)
+
+    def _what_is_lost(self, s: Situation) -> str:
+        """Return the input that is lost without which no order to land is taken, else ""."""
+        return s.estimate_lost or ("GPS" if self.state.gps_loss.is_on else "")
 
     def _is_confirmed(self, ground: Ground, s: Situation) -> bool:
         """Return whether this order is the confirmation, or repeats one that the landing under way has."""
@@ -316,6 +323,7 @@ class Executive:
         state.aim.measure(s.position_enu_m, s.selected)
         state.follow_wind(s)
         state.route.highest_m = s.fence.highest_m
+        state.gps_loss.follow(s)
         state.endurance.follow(s.now_ns, s.battery_pct)
         state.hand_over.follow(s)
         self._battery.update(s)
@@ -347,6 +355,7 @@ class Executive:
             asked_up_ms=self._asked_up_ms,
             off_point_m=self._p.off_point_m,
             too_windy=state.too_windy(s),
+            gps_loss=state.gps_loss,
         )
         reacted = None if breach is None else self._react(breach, s)
         if reacted is not None:
@@ -362,8 +371,8 @@ class Executive:
 
     @property
     def _stage(self) -> Stage:
-        low = self.state.aim.height_left_m <= self._p.commit_height_m
-        return Stage.COMMITTED if self.phase is Phase.FINAL and low else Stage(self.phase.value)
+        committed = self.state.aim.height_left_m <= self._p.commit_height_m or self.state.gps_loss.is_on
+        return Stage.COMMITTED if self.phase is Phase.FINAL and committed else Stage(self.phase.value)
 
     def _react(self, breach: Breach, s: Situation) -> VehicleCommands | None:
         """Execute the reaction to a breach; None where the phase goes on."""
@@ -378,15 +387,13 @@ class Executive:
                 by_wind = breach.precondition is Precondition.WIND
                 return self.state.break_off(breach.what, s, keeps_point=by_wind)
             case Reaction.CALL:
-                self.state.say(Severity.CRITICAL, f"{breach.what}: take over")
+                self.state.call(breach.what, s)
+            case Reaction.HOLD if breach.precondition is Precondition.PLACE:
+                return self._without_gps(breach, s)
+            case Reaction.TELL if breach.precondition is Precondition.PLACE:
+                self.state.say(Severity.CRITICAL, "GPS lost: landing at once, be ready")
             case Reaction.TELL if breach.precondition is Precondition.GPS:
-                aided = s.tracked and self._p.odometry == "autopilot"
-                self.state.say(
-                    Severity.CRITICAL,
-                    f"GPS lost: going on by the {s.place_by}"
-                    if aided
-                    else "GPS lost: the estimate drifts, be ready",
-                )
+                self.state.say(Severity.CRITICAL, f"GPS lost: going on by the {s.place_by}")
             case Reaction.TELL if breach.precondition is Precondition.DRIFT:
                 text = f"GPS drifts off the {s.place_by}, {s.gps_drift_m:.1f} m in 10 s"
                 self.state.say(Severity.CRITICAL, text)
@@ -394,6 +401,21 @@ class Executive:
                 cause = f" ({breach.what})" if breach.what else ""
                 self.state.say(Severity.CRITICAL, f"autopilot failsafe{cause}: going on")
         return None
+
+    def _without_gps(self, breach: Breach, s: Situation) -> VehicleCommands:
+        """Land at once at a safe point that the vehicle is over, otherwise hover where it is."""
+        state = self.state
+        down = self._approach.descend_at_once(s) if self.phase is Phase.APPROACH else None
+        if breach.is_new:
+            what = "hovering" if down is None else "landing at once"
+            state.say(Severity.CRITICAL, f"GPS lost: {what}, be ready")
+        if down is not None:
+            return down
+        state.safe_since_ns = None
+        state.restart_limit(s)
+        if self.phase is Phase.SURVEY and not s.guided:
+            return self._survey.take_over(s)
+        return VehicleCommands(mode=None if s.guided else "guided", velocity_enu_ms=STOPPED)
 
 
 def _zone(s: Situation, zone_id: int) -> Zone | None:

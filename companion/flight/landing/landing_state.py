@@ -7,13 +7,13 @@ import numpy as np
 from companion.flight.landing.aim import Aim
 from companion.flight.landing.hand_over import HandOver
 from companion.flight.landing.interruptions.crossing import crossing
+from companion.flight.landing.interruptions.gps_loss import GpsLoss
 from companion.flight.landing.interruptions.outage import Outage
 from companion.flight.landing.mode_ownership import ModeOwnership
 from companion.flight.landing.point_selection import PointSelection
 from companion.flight.landing.route import Route, Way
 from companion.flight.landing.situation import (
     COMMANDING,
-    STOPPED,
     LandingRequest,
     Phase,
     Severity,
@@ -59,6 +59,8 @@ class LandingState:
         Heading into the wind, and whether gusts exceed `max_wind_ms`.
     endurance
         How long the battery lasts.
+    gps_loss
+        Loss of GPS that no odometry makes up for.
     keeps_request
         The last landing was broken off for a reason that is not its point's: it is tried again.
     n_given
@@ -82,6 +84,7 @@ class LandingState:
         self.selection, self.outage = PointSelection(), Outage()
         self.into_wind, self.wind_limit = IntoWind(), WindLimit()
         self.endurance = Endurance()
+        self.gps_loss = GpsLoss(parameters)
         self.path: ApproachPath | None = None
         self.keeps_request = False
         self.n_given = 0
@@ -100,8 +103,10 @@ class LandingState:
         self._texts.append((severity, f"SLZ: {text}"))
 
     def call(self, trouble: str, s: Situation) -> None:
-        """Call the pilot, again each minute, about a vehicle that does not obey; keep commanding it."""
+        """Call the pilot, again each minute, about a vehicle that does not obey; begin nothing afterwards."""
         self.say(Severity.CRITICAL, f"{trouble}: take over")
+        if self.phase is not Phase.FINAL:
+            self.phase = Phase.HOLD
         self.late_ns = s.now_ns + STUCK_NS
 
     def call_for_hand_over(self, event: str, s: Situation) -> None:
@@ -175,11 +180,10 @@ class LandingState:
             self.refused.append(self.aim.enu_m)
         landing = self.phase is Phase.FINAL
         self.go(Phase.HOLD if hold else Phase.CLIMB, s)
-        if landing:
-            return VehicleCommands(
-                mode="guided", velocity_enu_ms=np.array([0.0, 0.0, self.parameters.climb_speed_ms])
-            )
-        return VehicleCommands(velocity_enu_ms=STOPPED)
+        climb_ms = self.parameters.climb_speed_ms if landing and not self.gps_loss.is_on else 0.0
+        return VehicleCommands(
+            mode="guided" if landing else None, velocity_enu_ms=np.array([0.0, 0.0, climb_ms])
+        )
 
     def restart_limit(self, s: Situation) -> None:
         """Set the time limit of the phase to a minute and twice its travel time from now."""
@@ -201,9 +205,19 @@ class LandingState:
     # ---- questions ------------------------------------------------------------------------------
 
     @property
-    def too_low_to_see(self) -> bool:
-        """Whether the last verified state of the point holds, because only dust would be seen this low."""
-        return self.aim.height_left_m <= max(self.parameters.commit_height_m, self.parameters.dust_height_m)
+    def is_low(self) -> bool:
+        """Whether only dust would be seen of the point, or the landing is committed."""
+        return self.aim.height_left_m <= self.committed_m
+
+    @property
+    def committed_m(self) -> float:
+        """Height over the point below which its last verified state holds."""
+        return max(self.parameters.commit_height_m, self.parameters.dust_height_m)
+
+    @property
+    def last_state_holds(self) -> bool:
+        """Whether the last verified state of the point holds: too low to see it, or without GPS."""
+        return self.is_low or self.gps_loss.is_on
 
     def way(self, s: Situation) -> Way:
         """Return the route's response to what is ahead."""
@@ -272,10 +286,11 @@ class LandingState:
     def too_windy(self, s: Situation, urgent: bool | None = None) -> str:
         """Return the reason against a landing while gusts exceed the limit, else "".
 
-        There is none against an urgent one (by default the landing under way), nor with a low battery.
+        There is none against an urgent one (by default the landing under way), without GPS, nor with a low
+        battery.
         """
         gust_ms = self.wind_limit.gust_ms
-        exempt = self.is_urgent if urgent is None else urgent
+        exempt = self.gps_loss.is_on or (self.is_urgent if urgent is None else urgent)
         if gust_ms is None:
             return ""
         reason = f"wind too strong for this point: {gust_ms:.0f} m/s"

@@ -21,7 +21,7 @@ def without_lidar(state: LandingState, s: Situation) -> VehicleCommands:
 
 def without_pose(state: LandingState, s: Situation) -> VehicleCommands:
     """Hold by the autopilot's own estimate; break off a landing that cannot be watched any more."""
-    if state.phase is Phase.FINAL and state.too_low_to_see:
+    if state.phase is Phase.FINAL and state.last_state_holds:
         return VehicleCommands()
     if state.phase in (Phase.DESCEND, Phase.FINAL):
         state.break_off(MissingInput.POSITION_LOST.text, s)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from companion.flight.landing.aim import Aim
+from companion.flight.landing.interruptions.gps_loss import GpsLoss
 from companion.flight.landing.mode_ownership import ModeOwnership
 from companion.flight.landing.situation import Situation
 
@@ -37,7 +38,7 @@ class Precondition(Enum):
     ESTIMATE = "estimator trusted"
     NO_FAILSAFE = "no failsafe"
     GPS = "GPS has a fix"
-    TRACK = "GPS has a fix, or the LiDAR odometry the place"
+    PLACE = "GPS has a fix, or the odometry guides the autopilot"
     DRIFT = "GPS and LiDAR odometry agree"
     STICKS = "sticks at rest"
     POSITION = "position known"
@@ -78,7 +79,7 @@ TABLE: dict[Precondition, dict[Stage, Reaction]] = {
     Precondition.ESTIMATE: _row(Reaction.STAND_BACK),
     Precondition.NO_FAILSAFE: _row(Reaction.TELL),
     Precondition.GPS: _row(Reaction.TELL),
-    Precondition.TRACK: _row(_CALL),
+    Precondition.PLACE: _row(_HOLD, _HOLD, Reaction.TELL, Reaction.TELL, Reaction.TELL, _HOLD, _HOLD),
     Precondition.DRIFT: _row(Reaction.TELL),
     Precondition.STICKS: _row(_NO, _NO, _NO, _OFF, _OFF, _NO, _NO),
     Precondition.POSITION: _row(_HOLD, _HOLD, _BREAK, _BREAK, _NO, _HOLD, _HOLD),
@@ -95,13 +96,13 @@ PATIENCE_NS = {
     Precondition.CLASS: SECOND // 2,  # after an outage the heartbeat may come before EXTENDED_SYS_STATE
     Precondition.ESTIMATE: SECOND,
     Precondition.GPS: SECOND // 2,
-    Precondition.TRACK: SECOND // 2,
     Precondition.STICKS: SECOND // 4,
     Precondition.OVER: SECOND // 2,
     Precondition.SINKS: 3 * SECOND // 2,
     Precondition.NO_UNASKED_SINK: 3 * SECOND,
 }
 CALL_AGAIN_NS = 30 * SECOND
+REPORTED = (Reaction.CALL, Reaction.TELL, Reaction.HOLD)  # now and then, while the breach lasts
 STICK_US = 80  # beyond the dead zones of both autopilots
 HELD_US = 150  # from the middle of the pulse: beyond the rest position of any calibrated transmitter
 MIDDLE_US = 1500
@@ -112,11 +113,12 @@ SINKING_MS = 0.5  # excess over the commanded sink rate
 
 @dataclass(frozen=True, slots=True)
 class Breach:
-    """A violated precondition, the reaction, and the text for the pilot."""
+    """A violated precondition, the reaction, and the text for the pilot; is_new: it is to be reported."""
 
     precondition: Precondition
     reaction: Reaction
     what: str = ""
+    is_new: bool = True
 
 
 class Preconditions:
@@ -139,6 +141,7 @@ class Preconditions:
         asked_up_ms: float | None,
         off_point_m: float,
         too_windy: str,
+        gps_loss: GpsLoss,
     ) -> Breach | None:
         """Return the first violated precondition that needs a reaction, None without one.
 
@@ -150,11 +153,17 @@ class Preconditions:
             Greatest distance from the point in the autopilot's landing; halved below the commit height.
         too_windy
             Text about gusts beyond the limit, "" within it.
+        gps_loss
+            Loss of GPS that no odometry makes up for.
         """
         self._follow(stage, s)
         broken = self._state(stage, s, ownership)
         if too_windy:
             broken[Precondition.WIND] = too_windy
+        if gps_loss.lasts:
+            broken[Precondition.PLACE] = ""
+        elif s.gps_lost and not gps_loss.is_on:
+            broken[Precondition.GPS] = ""
         if s.velocity_enu_ms is not None and Precondition.POSITION not in broken:
             limit_m = off_point_m / 2 if stage is Stage.COMMITTED else off_point_m
             broken |= _motion(s, float(s.velocity_enu_ms[2]), asked_up_ms, aim.away_m, limit_m)
@@ -165,11 +174,12 @@ class Preconditions:
             reaction = TABLE[precondition][stage]
             if precondition is Precondition.MODE and (s.failsafe or s.breached):
                 reaction = Reaction.STAND_BACK
-            if reaction in (Reaction.CALL, Reaction.TELL) and not self._must_report(precondition, s.now_ns):
+            is_new = reaction not in REPORTED or self._must_report(precondition, s.now_ns)
+            if reaction in (Reaction.CALL, Reaction.TELL) and not is_new:
                 continue
             # The descent returns by its own steering, and the survey waits.
             if reaction not in (Reaction.NONE, Reaction.RETURN, Reaction.WAIT):
-                return Breach(precondition, reaction, broken[precondition])
+                return Breach(precondition, reaction, broken[precondition], is_new)
         return None
 
     def _follow(self, stage: Stage, s: Situation) -> None:
@@ -199,13 +209,6 @@ class Preconditions:
             broken[Precondition.ESTIMATE] = f"{s.estimate_lost} lost"
         if s.failsafe:
             broken[Precondition.NO_FAILSAFE] = s.cause
-        if s.gps_lost and s.tracked is False:
-            by_lidar = s.place_by == "LiDAR"
-            broken[Precondition.TRACK] = (
-                "GPS lost, LiDAR sees too little" if by_lidar else "GPS and odometry lost"
-            )
-        elif s.gps_lost:
-            broken[Precondition.GPS] = ""
         if s.gps_drift_m > MOST_DRIFT_M:
             broken[Precondition.DRIFT] = ""
         if self._sticks_moved(s):
@@ -227,7 +230,7 @@ class Preconditions:
         """Return whether a precondition has failed for its minimum time."""
         if precondition not in broken:
             self._since_ns.pop(precondition, None)
-            if TABLE[precondition][Stage.SURVEY] is Reaction.TELL or precondition is Precondition.TRACK:
+            if TABLE[precondition][Stage.FINAL] is Reaction.TELL:
                 self._reported_ns.pop(precondition, None)
             return False
         since_ns = self._since_ns.setdefault(precondition, now_ns)

@@ -127,6 +127,15 @@ class Approach:
             return replace(commands, yaw_rad=touchdown_heading_rad(s.selected, s.heading_rad, into_wind_rad))
         return commands
 
+    def descend_at_once(self, s: Situation) -> VehicleCommands | None:
+        """Descend over a safe point without waiting; None if the vehicle is not ready to go straight down."""
+        state = self._state
+        sloped = state.parameters.approach_path == "sloped" and not state.is_urgent
+        if state.safe_since_ns is None or sloped or state.why_not(s) is not None:
+            return None
+        state.go(Phase.DESCEND, s)
+        return VehicleCommands(velocity_enu_ms=STOPPED, target_enu_m=state.aim.on_ground_enu_m)
+
     def _fly_out(self, s: Situation) -> VehicleCommands | None:
         """Fly to the beginning of the approach path, and along it from there; None once it is given up."""
         state, speed_ms = self._state, self._state.parameters.approach_speed_ms

@@ -73,5 +73,5 @@ class Climb:
             self._below_since_ns = s.now_ns
         elif s.now_ns - self._below_since_ns > STUCK_BELOW_NS:
             self._below_since_ns = s.now_ns + STUCK_NS
-            state.say(Severity.CRITICAL, "something above, no way aside: take over")
+            state.call("something above, no way aside", s)
         return velocity

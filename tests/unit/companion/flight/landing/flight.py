@@ -18,6 +18,7 @@ from slz import (
     Choice,
     Corridors,
     Grid,
+    Intrusion,
     LandingPoint,
     LocalFrame,
     MapReport,
@@ -103,6 +104,7 @@ class Flight:
         self.estimate_lost = self.cause = ""
         self.target_lost_ns: int | None = None
         self.gps_lost = False
+        self.intrusion: Intrusion | None = None
         self.tracked: bool | None = None
         self.place_by = "LiDAR"
         self.gps_drift_m = 0.0
@@ -159,6 +161,7 @@ class Flight:
             breached=self.breached,
             estimate_lost=self.estimate_lost,
             gps_lost=self.gps_lost,
+            intrusion=self.intrusion,
             tracked=self.tracked,
             place_by=self.place_by,
             gps_drift_m=self.gps_drift_m,

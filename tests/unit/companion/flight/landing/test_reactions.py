@@ -39,7 +39,7 @@ def test_a_vehicle_that_does_not_climb_calls_the_pilot_and_is_asked_on() -> None
     flight.state = lambda _height, _point: PointState.UNSAFE
     flight.sinks = flight.obeys = False
     flight.run(150)
-    assert flight.executive.phase is Phase.CLIMB
+    assert flight.executive.phase is Phase.HOLD  # who called the pilot begins nothing afterwards
     assert 1 <= sum("not climbing: take over" in text for text in flight.texts) <= 3
     assert flight.commands[-1][3].mode == "guided"
 

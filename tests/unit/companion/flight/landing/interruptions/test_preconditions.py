@@ -256,53 +256,6 @@ def test_a_failsafe_long_after_the_pilot_took_over_is_none_of_ours() -> None:
     assert flight.executive.tally.hands_off == 1
 
 
-def test_a_gps_that_lost_its_fix_is_told_at_once_and_once() -> None:
-    flight = flown_to(Phase.DESCEND)
-    flight.gps_lost = True
-    flight.run(0.7)
-    assert flight.texts[-1] == "SLZ: GPS lost: the estimate drifts, be ready"
-    flight.run(5)
-    assert sum("GPS lost" in text for text in flight.texts) == 1
-
-
-@pytest.mark.parametrize("phase", [Phase.APPROACH, Phase.DESCEND, Phase.FINAL])
-def test_without_gps_and_without_a_place_on_the_map_the_pilot_is_called_at_once(phase: Phase) -> None:
-    flight = flown_to(phase)
-    flight.gps_lost, flight.tracked = True, False
-    flight.run(0.7)
-    assert flight.texts[-1] == "SLZ: GPS lost, LiDAR sees too little: take over"
-
-
-def test_without_gps_the_landing_goes_on_by_the_lidar_and_calls_when_it_loses_the_place() -> None:
-    flight = flown_to(Phase.DESCEND, odometry="autopilot")
-    flight.gps_lost, flight.tracked = True, True
-    flight.run(0.7)
-    assert flight.texts[-1] == "SLZ: GPS lost: going on by the LiDAR"
-    flight.tracked = False
-    flight.run(0.7)
-    assert flight.texts[-1] == "SLZ: GPS lost, LiDAR sees too little: take over"
-
-
-def test_texts_name_an_odometry_that_is_not_the_lidar_s() -> None:
-    flight = flown_to(Phase.DESCEND, odometry="autopilot")
-    flight.place_by = "odometry"
-    flight.gps_lost, flight.tracked, flight.gps_drift_m = True, True, 12.34
-    flight.run(0.7)
-    assert "SLZ: GPS lost: going on by the odometry" in flight.texts
-    assert "SLZ: GPS drifts off the odometry, 12.3 m in 10 s" in flight.texts
-    flight.tracked = False
-    flight.run(0.7)
-    assert flight.texts[-1] == "SLZ: GPS and odometry lost: take over"
-    assert all(len(text) <= 50 for text in flight.texts)
-
-
-def test_a_place_on_the_map_that_the_autopilot_does_not_know_does_not_keep_its_estimate() -> None:
-    flight = flown_to(Phase.DESCEND, odometry="map")
-    flight.gps_lost, flight.tracked = True, True
-    flight.run(0.7)
-    assert flight.texts[-1] == "SLZ: GPS lost: the estimate drifts, be ready"
-
-
 def test_a_gps_that_leaves_the_map_is_told_once() -> None:
     flight = flown_to(Phase.DESCEND, odometry="map")
     flight.tracked, flight.gps_drift_m = True, 0.7
