@@ -307,7 +307,7 @@ class Companion:
             return self.lidar.stream.offset_ns(stamp_ns) if isinstance(self.lidar, RosLidar) else None
 
         return OdometryInput.open(
-            topic, self.parameters, self.history, gps_lost=lambda: self.link.vehicle.health.gps_lost,
+            topic, self.parameters, self.history, gps_lost=lambda: self.link.vehicle.health.fix_lost,
             cloud_offset_ns=cloud_offset_ns, wall_offset_ns=wall_offset_ns,
         )  # fmt: skip
 

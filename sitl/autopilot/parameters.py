@@ -38,6 +38,7 @@ DEFAULTS: dict[str, float] = {
     "FS_GCS_ENABLE": 0,
     "FS_GCS_TIMEOUT": 5,
     "FS_THR_ENABLE": 1,
+    "GPS2_TYPE": 0,  # 0 is no second receiver
     "GUID_OPTIONS": 0,
     "GUID_TIMEOUT": 3.0,
     "LAND_ALT_LOW": 1000,  # cm

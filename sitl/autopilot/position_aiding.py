@@ -34,6 +34,8 @@ F64 = NDArray[np.float64]
 
 TIMEOUT_S, STOPPED_S = 7.3, 15.2
 """Time without a position after which the filter abandons its own, and then holds it constant."""
+GLITCH_S, GLITCH_OVER_S = 1.0, 10.0
+"""Time of rejected, and then of accepted, positions after which the filter reports a glitch, or its end."""
 RETRY_S = 10.0
 """Time of rejected positions, with accepted velocities, after which the filter resets itself to them."""
 DRIFT_S, DRIFT_MS2 = 10.0, 0.034
@@ -135,7 +137,8 @@ class PositionAiding:
         self._source = self.sources.position
         self._switched = False
         self._since_s = 0.0
-        self._rejected_s = 0.0
+        self._rejected_s = self._accepted_s = 0.0
+        self._is_glitching = False
         self._ratio = 0.0
         self._steady = True
         self._reset_enu_m: F64 | None = None
@@ -247,24 +250,28 @@ class PositionAiding:
         self._reset_by(offset_enu_m - self.offset_enu_m)
         self.velocity_error_enu_ms = self.gnss.velocity_error_enu_ms.copy()
         self.acceleration_error_enu_ms2 = np.zeros(3)
-        self._steady = not self.gnss.is_faulty
+        self._steady = not self.gnss.is_faulty and not self._is_glitching
 
     def _follow_gps(self, dt_s: float, wrong_enu_m: F64) -> None:
         apart = wrong_enu_m - self.offset_enu_m
         self._ratio = gate_share(apart, GPS_ERROR_M)
         if self._ratio >= 1.0:
             self._rejected_s += dt_s
+            self._accepted_s = 0.0
+            self._is_glitching = self._is_glitching or self._rejected_s > GLITCH_S
             self.velocity_error_enu_ms = np.zeros(3)
             if self._rejected_s >= RETRY_S:
                 self._reset_to(wrong_enu_m)
             return
         self._rejected_s = 0.0
+        self._accepted_s += dt_s
+        self._is_glitching = self._is_glitching and self._accepted_s <= GLITCH_OVER_S
         velocity = self.gnss.velocity_error_enu_ms
         self.velocity_error_enu_ms = velocity.copy()
         share = min(1.0, dt_s / PULL_IN_S)
         self.offset_enu_m = self.offset_enu_m + apart * share + velocity * dt_s
         if not self.gnss.is_faulty and np.abs(self.offset_enu_m).max() < CONVERGED_M:
-            self._steady, self._ratio = True, 0.0
+            self._steady, self._ratio = not self._is_glitching, 0.0
             self.offset_enu_m = np.zeros(3)
 
     # ---- external navigation ------------------------------------------------------------------------
@@ -371,7 +378,7 @@ class PositionAiding:
     def flags(self) -> int:
         """Flags of EKF_STATUS_REPORT."""
         if self.absolute:
-            return AIDED
+            return AIDED | (mavlink.EKF_GPS_GLITCHING if self._is_glitching else 0)
         return UNAIDED if self.stopped else TIMED_OUT
 
     @property

@@ -37,6 +37,7 @@ class StatusMessages:
             mavlink.MAVLINK_MSG_ID_SYS_STATUS: self._sys_status,
             mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: self._battery,
             mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: self._gps_raw,
+            mavlink.MAVLINK_MSG_ID_GPS2_RAW: self._second_gps,
             mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self._ekf_status,
             mavlink.MAVLINK_MSG_ID_WIND: autopilot.wind.message,
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: self._rc_channels,
@@ -105,22 +106,29 @@ class StatusMessages:
         )  # fmt: skip
 
     def _gps_raw(self) -> Any:
-        """Return GPS_RAW_INT; without a fix it repeats the last position."""
+        """Return GPS_RAW_INT: of the first receiver."""
+        dead = self._ap.aiding.gnss.first_is_dead
+        fix = mavlink.GPS_FIX_TYPE_NO_GPS if dead else self._ap.aiding.fix_type
+        return mavlink.MAVLink_gps_raw_int_message(*self._measured(fix))
+
+    def _second_gps(self) -> Any:
+        """Return GPS2_RAW, None without a second receiver."""
+        if not self._ap.parameters["GPS2_TYPE"]:
+            return None
+        return mavlink.MAVLink_gps2_raw_message(*self._measured(self._ap.aiding.fix_type), 0, 0)
+
+    def _measured(self, fix: int) -> tuple[int, ...]:
+        """Return what both messages say from time to satellites; without a fix the last position."""
         ap, estimate = self._ap, self._ap.estimate
-        fix = ap.aiding.fix_type
         if estimate is None or fix < mavlink.GPS_FIX_TYPE_3D_FIX:
-            return mavlink.MAVLink_gps_raw_int_message(
-                ap.estimate_boot_ns // 1000, fix, *self._fixed, 70, 110, 0, 0, SATELLITES_WITHOUT_FIX
-            )
+            return (ap.estimate_boot_ns // 1000, fix, *self._fixed, 70, 110, 0, 0, SATELLITES_WITHOUT_FIX)
         lat, lon, alt = ap.lla(ap.aiding.gps_position(estimate))
         self._fixed = round(lat * 1e7), round(lon * 1e7), round(alt * 1000)
         east, north = (float(v) for v in estimate.vel_enu_ms[:2])
         course = round(math.degrees(math.atan2(east, north)) * 100) % 36000
         fix = fix if ap.settled else mavlink.GPS_FIX_TYPE_2D_FIX
         speed = round(math.hypot(east, north) * 100)
-        return mavlink.MAVLink_gps_raw_int_message(
-            ap.estimate_boot_ns // 1000, fix, *self._fixed, 70, 110, speed, course, SATELLITES
-        )
+        return (ap.estimate_boot_ns // 1000, fix, *self._fixed, 70, 110, speed, course, SATELLITES)
 
     def _ekf_status(self) -> Any:
         aiding = self._ap.aiding

@@ -45,6 +45,7 @@ _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "pilot_stick": stick_fault.PilotStick,
     "gps_loss": failsafe_faults.GpsLoss,
     "gps_denied": gps_faults.GpsDenial,
+    "gps_first_lost": lambda rng: gps_faults.FirstReceiverLoss(),
     "gps_multipath": gps_faults.GpsMultipath,
     "gps_slow_drift": gps_faults.GpsSlowDrift,
     "gps_spoof": gps_faults.GpsSpoof,
@@ -87,8 +88,8 @@ SIZED: dict[str, Callable[[np.random.Generator, float], Fault]] = {
 }
 """Faults that take a size: a rate in m/s or degrees per second, a distance in m."""
 AT_HEIGHT: tuple[str, ...] = (
-    *("gps_loss", "gps_denied", "gps_multipath", "gps_slow_drift", "gps_spoof", "gps_takeover", "gps_drift"),
-    *("yaw_drift", "ekf_jump", "estimate_sway", "reboot"),
+    *("gps_loss", "gps_denied", "gps_first_lost", "gps_multipath", "gps_slow_drift", "gps_spoof"),
+    *("gps_takeover", "gps_drift", "yaw_drift", "ekf_jump", "estimate_sway", "reboot"),
     *("battery_failsafe", "radio_failsafe", "fence_breach", "lidar_stop"),
 )
 """Faults that `read` can start: those that need neither a faulty link nor a pilot."""

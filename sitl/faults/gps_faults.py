@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 
 TICK_LIMIT_S = 0.1
+BOTH_NS = 2_000_000_000
 WANDER_M, WANDER_S = (1.0, 3.0), (5.0, 20.0)
 STEP_M, STEP_EVERY_S, STEP_TAU_S = (0.1, 0.4), 2.0, 4.0
 DRIFT_MS = (0.1, 1.0)
@@ -36,6 +37,23 @@ class GpsDenial(Fault):
 
     def start(self, simulation: Simulation) -> None:
         simulation.autopilot.aiding.lose_gps(self._bearing_rad)
+
+
+class FirstReceiverLoss(Fault):
+    """Death of the first of two receivers; the second gives the position."""
+
+    def __init__(self) -> None:
+        self._dies_ns = 0
+
+    def start(self, simulation: Simulation) -> None:
+        simulation.autopilot.parameters["GPS2_TYPE"] = 1.0
+        self._dies_ns = simulation.now_ns + BOTH_NS
+
+    def on_tick(self, simulation: Simulation) -> None:
+        simulation.autopilot.aiding.gnss.first_is_dead = simulation.now_ns >= self._dies_ns
+
+    def stop(self, simulation: Simulation) -> None:
+        simulation.autopilot.aiding.gnss.first_is_dead = False
 
 
 class _Evolving(Fault):

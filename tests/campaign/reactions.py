@@ -206,6 +206,7 @@ TABLE: dict[str, Row] = {
     "pilot_stick": _always(lets_go),
     "gps_loss": _always(stands_back("ekf", "position", "gps", "velocity")),
     "gps_denied": _always(stands_back("ekf", "position", "gps", "velocity")),
+    "gps_first_lost": _always(goes_on),
     "gps_multipath": _always(lands_or_calls),
     "gps_slow_drift": _always(lands_or_calls),
     "gps_spoof": _always(lands_or_calls),

@@ -76,7 +76,8 @@ class Situation:
     estimate.
 
     failsafe: reported by the autopilot. breached: outside its fence. estimate_lost: parts of the estimate
-    that were valid and are lost. gps_lost: the receiver lost its fix; the estimate drifts. tracked: the
+    that were valid and are lost. gps_lost: no receiver has a fix any more; the estimate drifts.
+    gps_glitching: the estimator rejects what GPS measures. tracked: the
     LiDAR odometry knows the place on the map, or did three seconds ago; None while it is off. gps_drift_m:
     how far the estimate went off the map in the last ten seconds, by the odometry. place_by: what the
     odometry is called, "LiDAR" or "odometry". cause: reason of the
@@ -111,6 +112,7 @@ class Situation:
     breached: bool = False
     estimate_lost: str = ""
     gps_lost: bool = False
+    gps_glitching: bool = False
     tracked: bool | None = None
     gps_drift_m: float = 0.0
     place_by: str = "LiDAR"

@@ -13,6 +13,13 @@ ATTITUDE: int = mavlink.EKF_ATTITUDE
 VELOCITY: int = mavlink.EKF_VELOCITY_HORIZ
 POSITION: int = mavlink.EKF_POS_HORIZ_ABS
 HEIGHT: int = mavlink.EKF_POS_VERT_ABS
+# The bit by which each message reports a GPS that the estimator rejects: the other's means something else.
+GLITCH: dict[str, int] = {
+    "EKF_STATUS_REPORT": mavlink.EKF_GPS_GLITCHING,
+    "ESTIMATOR_STATUS": mavlink.ESTIMATOR_GPS_GLITCH,
+}
+DEAD_RECKONING_NS = 15_000_000_000  # an estimator that keeps its position for longer has it from elsewhere
+FIX_HOLD_NS = 3_000_000_000  # for which a receiver's fix counts after its message
 NEEDED = {ATTITUDE: "attitude", POSITION: "position", VELOCITY: "velocity", HEIGHT: "height"}
 
 # SYS_STATUS: a pilot's phrase for each unhealthy sensor, the most important first.
@@ -45,8 +52,14 @@ class Health:
         Flags of the estimator now, and all flags set since the autopilot booted.
     unhealthy
         Bits of SYS_STATUS: sensors that are enabled and do not work.
-    fix, had_fix
-        GPS_FIX_TYPE of the first receiver, and whether it ever had a 3D fix.
+    glitching
+        Whether the estimator rejects what GPS measures.
+    fixed_ns
+        Arrival of the newest message of each of two receivers, if it reported a 3D fix.
+    had_fix, fixless_since_ns
+        Whether any receiver ever had a 3D fix, and since when none has.
+    is_placed_otherwise
+        Whether the estimator has kept its position without GPS for longer than dead reckoning lasts.
     breached
         Whether the vehicle is outside its fence.
     fenced
@@ -65,8 +78,11 @@ class Health:
     estimator: int | None = None
     estimator_had: int = 0
     unhealthy: int = 0
-    fix: int | None = None
+    glitching: bool = False
+    fixed_ns: tuple[int | None, int | None] = (None, None)
     had_fix: bool = False
+    fixless_since_ns: int | None = None
+    is_placed_otherwise: bool = False
     breached: bool = False
     fenced: bool = False
     alarm: str = ""
@@ -86,9 +102,14 @@ class Health:
         return names[0] if names else ""
 
     @property
+    def fix_lost(self) -> bool:
+        """Whether the receivers had a 3D fix and none has one now."""
+        return self.fixless_since_ns is not None
+
+    @property
     def gps_lost(self) -> bool:
-        """Whether the receiver had a 3D fix and has none now."""
-        return self.had_fix and self.fix is not None and self.fix < mavlink.GPS_FIX_TYPE_3D_FIX
+        """Whether the estimator must soon fail for want of GPS."""
+        return self.fix_lost and not self.is_placed_otherwise
 
     def cause(self, now_ns: int) -> str:
         """Return the reported cause of a failsafe, or an empty string."""
@@ -110,7 +131,15 @@ def reduce(health: Health, message: Any, now_ns: int) -> Health:
 
 
 def _estimator(health: Health, m: Any, now_ns: int) -> Health:
-    return replace(health, estimator=m.flags, estimator_had=health.estimator_had | m.flags)
+    since_ns = health.fixless_since_ns
+    lasting = since_ns is not None and now_ns - since_ns > DEAD_RECKONING_NS
+    return replace(
+        health,
+        estimator=m.flags,
+        estimator_had=health.estimator_had | m.flags,
+        glitching=bool(m.flags & GLITCH[m.get_type()]),
+        is_placed_otherwise=lasting and bool(m.flags & POSITION),
+    )
 
 
 def _sys_status(health: Health, m: Any, now_ns: int) -> Health:
@@ -120,8 +149,14 @@ def _sys_status(health: Health, m: Any, now_ns: int) -> Health:
 
 
 def _gps(health: Health, m: Any, now_ns: int) -> Health:
-    has_fix = m.fix_type >= mavlink.GPS_FIX_TYPE_3D_FIX
-    return replace(health, fix=m.fix_type, had_fix=health.had_fix or has_fix)
+    fixed_ns = now_ns if m.fix_type >= mavlink.GPS_FIX_TYPE_3D_FIX else None
+    first_ns, second_ns = health.fixed_ns
+    both = (fixed_ns, second_ns) if m.get_type() == "GPS_RAW_INT" else (first_ns, fixed_ns)
+    if any(at_ns is not None and now_ns - at_ns < FIX_HOLD_NS for at_ns in both):
+        return replace(health, fixed_ns=both, had_fix=True, fixless_since_ns=None, is_placed_otherwise=False)
+    since_ns = health.fixless_since_ns
+    since_ns = now_ns if since_ns is None and health.had_fix else since_ns
+    return replace(health, fixed_ns=both, fixless_since_ns=since_ns)
 
 
 def _fence(health: Health, m: Any, now_ns: int) -> Health:
@@ -161,6 +196,7 @@ _REDUCERS: dict[str, Callable[[Health, Any, int], Health]] = {
     "ESTIMATOR_STATUS": _estimator,
     "SYS_STATUS": _sys_status,
     "GPS_RAW_INT": _gps,
+    "GPS2_RAW": _gps,
     "FENCE_STATUS": _fence,
     "STATUSTEXT": _text,
     "RC_CHANNELS": _channels,

@@ -59,6 +59,7 @@ def wanted(autopilot: Autopilot, pose_rate_hz: float, odometry: bool = False) ->
         _PX4_MODE if px4 else _MODE,
         Stream("HOME_POSITION", mavlink.MAVLINK_MSG_ID_HOME_POSITION, 1.0),
         Stream("GPS_RAW_INT", mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 2.0),  # without a fix, no map begins
+        Stream("GPS2_RAW", mavlink.MAVLINK_MSG_ID_GPS2_RAW, 2.0, needed=False),  # of a second receiver
         Stream("SYS_STATUS", mavlink.MAVLINK_MSG_ID_SYS_STATUS, 1.0),
         Stream("BATTERY_STATUS", mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, 1.0),
     ]

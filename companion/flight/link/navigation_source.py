@@ -130,7 +130,7 @@ class NavigationSource:
                 await asyncio.sleep(TICK_S)
                 if not link.connected or not can_switch(link.vehicle, parameters()):
                     continue
-                lost = link.vehicle.armed and link.vehicle.health.gps_lost
+                lost = link.vehicle.armed and link.vehicle.health.fix_lost
                 source = self.update(lost, healthy(), now_ns())
                 if source is not None:
                     await self._command(link, source)

@@ -10,7 +10,7 @@ log = logging.getLogger(__name__)
 
 FIX_3D = 3  # GPS_FIX_TYPE
 ABSOLUTE = 16  # EKF_POS_HORIZ_ABS and ESTIMATOR_POS_HORIZ_ABS
-MESSAGES = frozenset({"GPS_RAW_INT", "EKF_STATUS_REPORT", "ESTIMATOR_STATUS"})
+MESSAGES = frozenset({"GPS_RAW_INT", "GPS2_RAW", "EKF_STATUS_REPORT", "ESTIMATOR_STATUS"})
 # A position is withheld this long, because an autopilot that reports its fix does so within a second.
 PATIENCE_NS = 3_000_000_000
 
@@ -19,11 +19,12 @@ PATIENCE_NS = 3_000_000_000
 class PositionFix:
     """Reported quality of the autopilot's position; None is unknown.
 
-    gps: GPS_FIX_TYPE of its first receiver. absolute: its estimator has a global position from any source;
-    this is the position that its messages carry.
+    gps, second: GPS_FIX_TYPE of its two receivers. absolute: its estimator has a global position from any
+    source; this is the position that its messages carry.
     """
 
     gps: int | None = None
+    second: int | None = None
     absolute: bool | None = None
 
     @property
@@ -31,12 +32,15 @@ class PositionFix:
         """Whether the position is valid according to the estimator, else to GPS; None before a report."""
         if self.absolute is not None:
             return self.absolute
-        return None if self.gps is None else self.gps >= FIX_3D
+        fixes = [fix for fix in (self.gps, self.second) if fix is not None]
+        return max(fixes) >= FIX_3D if fixes else None
 
     def updated(self, message: Any) -> PositionFix:
         """Return the quality updated with one of `MESSAGES`."""
         if message.get_type() == "GPS_RAW_INT":
             return replace(self, gps=int(message.fix_type))
+        if message.get_type() == "GPS2_RAW":
+            return replace(self, second=int(message.fix_type))
         return replace(self, absolute=bool(message.flags & ABSOLUTE))
 
 

@@ -209,7 +209,8 @@ class Ekf2Aiding(PositionAiding):
     @property
     def flags(self) -> int:
         """Flags of ESTIMATOR_STATUS."""
-        return VALID if self.absolute else INVALID
+        rejects = self.fuses_gnss and self.gnss.has_fix and self._ratio >= 1.0
+        return (VALID if self.absolute else INVALID) | (mavlink.ESTIMATOR_GPS_GLITCH if rejects else 0)
 
     @property
     def stopped(self) -> bool:

@@ -1,4 +1,4 @@
-"""GNSS receiver of the simulated vehicle: whether it has a fix, and how far its position is wrong."""
+"""GNSS receivers of the simulated vehicle: whether they have a fix, and the error of the used position."""
 
 from __future__ import annotations
 
@@ -19,6 +19,8 @@ class GnssReceiver:
     ----------
     has_fix
         Whether it has a fix.
+    first_is_dead
+        Whether the first of two receivers sends nothing any more: the second gives the position.
     error_enu_m
         (3,) error of its position beyond that of a clear sky; zero without a fault.
     velocity_error_enu_ms
@@ -27,6 +29,7 @@ class GnssReceiver:
 
     def __init__(self) -> None:
         self.has_fix = True
+        self.first_is_dead = False
         self.error_enu_m: F64 = _NONE
         self.velocity_error_enu_ms: F64 = _NONE
 
@@ -39,5 +42,5 @@ class GnssReceiver:
 
     @property
     def fix_type(self) -> int:
-        """GPS_FIX_TYPE; a wrong position does not change it."""
+        """GPS_FIX_TYPE of the receiver in use; a wrong position does not change it."""
         return int(mavlink.GPS_FIX_TYPE_RTK_FLOAT if self.has_fix else mavlink.GPS_FIX_TYPE_NO_FIX)

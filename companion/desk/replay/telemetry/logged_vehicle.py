@@ -41,6 +41,7 @@ def tells_fix(log: TelemetryLog, system: int | None) -> bool:
     """Return whether the vehicle's autopilot reports the quality of its position in a log."""
     said = log.only(
         mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
+        mavlink.MAVLINK_MSG_ID_GPS2_RAW,
         mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
         mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS,
     )

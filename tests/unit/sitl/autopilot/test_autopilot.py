@@ -180,7 +180,7 @@ def test_the_same_seed_flies_the_same_flight() -> None:
 
 def test_every_message_it_knows_can_be_packed() -> None:
     bench = Bench().airborne(5)
-    bench.autopilot.parameters["FENCE_ENABLE"] = 1
+    bench.autopilot.parameters.update({"FENCE_ENABLE": 1, "GPS2_TYPE": 1})
     bench.sent.clear()
     packer = mavlink.MAVLink(None, 1, 1)
     for number in bench.autopilot.telemetry.numbers:

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl import faults, scenes
+from sitl.autopilot import parameters
+from sitl.autopilot.aiding.ekf2_aiding import Ekf2Aiding
 from sitl.autopilot.estimator import EstimateErrors
 from sitl.autopilot.modes import Mode
-from sitl.autopilot.position_aiding import AIDED, TIMED_OUT
+from sitl.autopilot.position_aiding import AIDED, TIMED_OUT, PositionAiding
 from sitl.simulation import Simulation
 from sitl.vehicle.rigid_body import to_euler
 from sitl.wire.wire import MemoryWire
@@ -182,7 +184,7 @@ def test_a_takeover_is_rejected_for_ten_seconds_and_then_jumped_to(hovering: Sim
     hovering.run(9.0)
     assert error_m(hovering) < 0.1
     assert hovering.autopilot.aiding.position_test_ratio > 5.0
-    assert hovering.autopilot.aiding.flags == AIDED
+    assert hovering.autopilot.aiding.flags == AIDED | mavlink.EKF_GPS_GLITCHING
     before_m = hovering.vehicle.truth.pos_enu_m
     hovering.run(2.0)
     assert error_m(hovering) == pytest.approx(30.0, abs=0.2)
@@ -233,3 +235,34 @@ def test_external_navigation_in_use_is_free_of_gps(name: str) -> None:
 def test_a_size_is_refused_where_there_is_none() -> None:
     with pytest.raises(ValueError, match="takes no size"):
         faults.build("gps_loss", np.random.default_rng(1), 1.0)
+
+
+@pytest.mark.parametrize("ekf2", [False, True])
+def test_a_jump_of_gps_is_reported_as_a_glitch_while_it_is_rejected(ekf2: bool) -> None:
+    aiding = Ekf2Aiding(parameters.with_defaults({"EKF2_EN": 1.0})) if ekf2 else PositionAiding()
+    flag = mavlink.ESTIMATOR_GPS_GLITCH if ekf2 else mavlink.EKF_GPS_GLITCHING
+    flagged = []
+    for tick in range(300):
+        aiding.gnss.error_enu_m = np.array([8.0, 0.0, 0.0]) if 20 <= tick < 80 else np.zeros(3)
+        aiding.update(0.1)
+        flagged.append(bool(aiding.flags & flag))
+    first, last = flagged.index(True), len(flagged) - flagged[::-1].index(True)
+    assert (first, last) == pytest.approx((20, 80) if ekf2 else (30, 180), abs=3)
+
+
+def test_of_two_receivers_the_first_dies_and_the_filter_does_not_notice(hovering: Simulation) -> None:
+    begun(hovering, "gps_first_lost")
+    autopilot = hovering.autopilot
+    autopilot.add_link(9)
+
+    def fixes() -> dict[str, int]:
+        for number in (mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, mavlink.MAVLINK_MSG_ID_GPS2_RAW):
+            autopilot.telemetry.send_once(number, 9)
+        sent = [m for _, m in autopilot.take_outgoing(hovering.now_ns)]
+        return {m.get_type(): m.fix_type for m in sent if m.get_type().startswith("GPS")}
+
+    hovering.run(1.0)
+    assert set(fixes().values()) == {mavlink.GPS_FIX_TYPE_RTK_FLOAT}
+    hovering.run(20.0)
+    assert fixes() == {"GPS_RAW_INT": 0, "GPS2_RAW": mavlink.GPS_FIX_TYPE_RTK_FLOAT}
+    assert autopilot.aiding.flags == AIDED

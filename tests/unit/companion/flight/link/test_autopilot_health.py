@@ -148,3 +148,44 @@ def test_a_switch_that_moves_is_the_pilot_s_and_noise_is_not() -> None:
     assert after(rest, noise).switched_ns is None
     assert after(rest).switched_ns is None
     assert after(channels(1500, 1500), rest).switched_ns is None  # a receiver that begins is no hand
+
+
+# ---- receivers and estimator ------------------------------------------------------------------------
+
+
+def gps(fix: int, *, second: bool = False) -> Any:
+    if second:
+        return received(mavlink.MAVLink_gps2_raw_message(0, fix, 0, 0, 0, 100, 100, 0, 0, 9, 0, 0))
+    return received(mavlink.MAVLink_gps_raw_int_message(0, fix, 0, 0, 0, 100, 100, 0, 0, 9))
+
+
+def over_time(*timed: tuple[float, Any]) -> Health:
+    return fold(lambda s, one: reduce(s, one[1], round(one[0] * S)), timed, VehicleState()).health
+
+
+def test_a_receiver_that_dies_beside_another_is_not_missed() -> None:
+    assert not after(gps(3), gps(4, second=True), gps(0)).gps_lost
+    assert after(gps(3), gps(4, second=True), gps(0), gps(1, second=True)).gps_lost
+    assert not after(gps(3), gps(0, second=True)).gps_lost  # the second never had a fix
+
+
+def test_a_second_receiver_that_fell_silent_has_no_fix() -> None:
+    assert over_time((1, gps(3)), (1, gps(3, second=True)), (4.5, gps(0))).gps_lost
+
+
+@pytest.mark.parametrize("report", [ekf, estimator])
+def test_an_estimator_that_keeps_its_position_has_it_from_elsewhere(report: Any) -> None:
+    lost = [(1, report(GOOD)), (1, gps(3)), (2, gps(1)), (16, report(GOOD))]
+    assert over_time(*lost).gps_lost
+    assert not over_time(*lost, (18, report(GOOD))).gps_lost
+    assert over_time(*lost, (18, report(GONE))).gps_lost
+    assert over_time(*lost, (18, report(GOOD)), (19, gps(3)), (20, gps(1))).gps_lost
+    assert over_time(*lost, (18, report(GOOD))).fix_lost
+
+
+def test_each_estimator_has_its_own_flag_of_a_glitch() -> None:
+    """Bit 1024 is GPS_GLITCH of ESTIMATOR_STATUS, and UNINITIALIZED of EKF_STATUS_REPORT."""
+    assert after(ekf(GOOD | mavlink.EKF_GPS_GLITCHING)).glitching
+    assert after(estimator(GOOD | mavlink.ESTIMATOR_GPS_GLITCH)).glitching
+    assert not after(ekf(GOOD | 1024)).glitching
+    assert not after(ekf(GOOD | mavlink.EKF_GPS_GLITCHING), ekf(GOOD)).glitching

@@ -144,7 +144,7 @@ class FakeLink:
         self.connected = True
         self.on_reboot: Event[[]] = Event()
         self.vehicle = VehicleState(
-            sysid=1, autopilot="ardupilot", armed=True, health=Health(fix=1, had_fix=True)
+            sysid=1, autopilot="ardupilot", armed=True, health=Health(had_fix=True, fixless_since_ns=1)
         )
         self.commands: list[tuple[float, ...]] = []
         self.texts: list[str] = []
