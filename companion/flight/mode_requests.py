@@ -72,3 +72,4 @@ class ModeRequests:
         if self._refusals > 1 and (reported_ns is None or now - reported_ns >= TELL_AGAIN_NS):
             self._refusal_reported_ns = now
             self._link.statustext(f"SLZ: {mode} refused: take over", Severity.CRITICAL.value)
+            self._executive.on_refusal()

@@ -13,6 +13,7 @@ from dataclasses import replace
 from companion.flight.landing.aim import same_place
 from companion.flight.landing.confirmation import Confirmation, Ground, ground_at
 from companion.flight.landing.guidance import BRAKING_MS2
+from companion.flight.landing.interruptions.late_abort import LateAbort
 from companion.flight.landing.interruptions.low_battery import LowBattery
 from companion.flight.landing.interruptions.missing_input import without_pose
 from companion.flight.landing.interruptions.position_jump import PositionJump
@@ -50,6 +51,8 @@ from companion.flight.landing.zone_choice import must_be_confirmed
 from params import Parameters
 from slz import SAFE, SelectedPoint, Zone
 
+ENDING = (Reaction.ENDS, Reaction.HANDS_OFF, Reaction.STAND_BACK)
+
 
 class Executive:
     """Landing executive.
@@ -74,6 +77,8 @@ class Executive:
         self._asked_up_ms: float | None = None
         self._withdrawal, self._battery = Withdrawal(state), LowBattery(state)
         self._jump, self._class_announcer = PositionJump(state), VehicleClassAnnouncer(state)
+        self._late_abort = LateAbort(state)
+        self._is_refused = False
         self._confirmation = Confirmation()
         self._ways_of: SelectedPoint | None = None
         self._ways: tuple[ApproachPath | None, ApproachPath | None] = None, None
@@ -291,6 +296,7 @@ class Executive:
 
     def resume_landing(self, situation: Situation, enu_m: Vector) -> None:
         """Resume watching the autopilot's landing at a point, which a previous companion began."""
+        self.state.say(Severity.WARNING, f"restarted in {situation.mode}: watching the landing again")
         self._descent.resume(situation, enu_m)
 
     def report_restart(self, situation: Situation, how: str) -> None:
@@ -315,6 +321,10 @@ class Executive:
             state.aim.set_target(moved(state.aim.on_ground_enu_m))
 
     # ---- every step -----------------------------------------------------------------------------
+
+    def on_refusal(self) -> None:
+        """Begin nothing any more after the pilot was called for a refused mode."""
+        self._is_refused = True
 
     def step(self, s: Situation) -> VehicleCommands:
         """Return the commands for the present situation (call it at 10 Hz or faster)."""
@@ -357,6 +367,12 @@ class Executive:
             too_windy=state.too_windy(s),
             gps_loss=state.gps_loss,
         )
+        ends = breach is not None and breach.reaction in ENDING
+        if self._late_abort.is_void(s) and not ends:
+            return self._descent.watch_again(s)
+        if self._is_refused and s.guided and self.phase is Phase.FINAL:
+            state.go(Phase.HOLD, s)
+        self._is_refused = False
         reacted = None if breach is None else self._react(breach, s)
         if reacted is not None:
             return reacted
@@ -391,9 +407,11 @@ class Executive:
             case Reaction.HOLD if breach.precondition is Precondition.PLACE:
                 return self._without_gps(breach, s)
             case Reaction.TELL if breach.precondition is Precondition.PLACE:
-                self.state.say(Severity.CRITICAL, "GPS lost: landing at once, be ready")
+                self._report_gps_loss("landing at once")
             case Reaction.TELL if breach.precondition is Precondition.GPS:
                 self.state.say(Severity.CRITICAL, f"GPS lost: going on by the {s.place_by}")
+            case Reaction.TELL if breach.precondition is Precondition.GLITCH:
+                self.state.say(Severity.CRITICAL, "GPS glitch: position may jump, be ready")
             case Reaction.TELL if breach.precondition is Precondition.DRIFT:
                 text = f"GPS drifts off the {s.place_by}, {s.gps_drift_m:.1f} m in 10 s"
                 self.state.say(Severity.CRITICAL, text)
@@ -402,13 +420,15 @@ class Executive:
                 self.state.say(Severity.CRITICAL, f"autopilot failsafe{cause}: going on")
         return None
 
+    def _report_gps_loss(self, reaction: str) -> None:
+        self.state.say(Severity.CRITICAL, f"GPS lost: {reaction}, be ready")
+
     def _without_gps(self, breach: Breach, s: Situation) -> VehicleCommands:
         """Land at once at a safe point that the vehicle is over, otherwise hover where it is."""
         state = self.state
         down = self._approach.descend_at_once(s) if self.phase is Phase.APPROACH else None
         if breach.is_new:
-            what = "hovering" if down is None else "landing at once"
-            state.say(Severity.CRITICAL, f"GPS lost: {what}, be ready")
+            self._report_gps_loss("hovering" if down is None else "landing at once")
         if down is not None:
             return down
         state.safe_since_ns = None

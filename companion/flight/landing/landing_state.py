@@ -63,6 +63,8 @@ class LandingState:
         Loss of GPS that no odometry makes up for.
     keeps_request
         The last landing was broken off for a reason that is not its point's: it is tried again.
+    is_ordered_abort
+        The last abort holds until the next order.
     n_given
         How often the landing gave way to what moves.
     safe_since_ns
@@ -86,7 +88,7 @@ class LandingState:
         self.endurance = Endurance()
         self.gps_loss = GpsLoss(parameters)
         self.path: ApproachPath | None = None
-        self.keeps_request = False
+        self.keeps_request = self.is_ordered_abort = False
         self.n_given = 0
         self.request: LandingRequest | None = None
         self.refused: list[Vector] = []
@@ -105,8 +107,8 @@ class LandingState:
     def call(self, trouble: str, s: Situation) -> None:
         """Call the pilot, again each minute, about a vehicle that does not obey; begin nothing afterwards."""
         self.say(Severity.CRITICAL, f"{trouble}: take over")
-        if self.phase is not Phase.FINAL:
-            self.phase = Phase.HOLD
+        if self.phase not in (Phase.FINAL, Phase.HOLD):
+            self.go(Phase.HOLD, s)
         self.late_ns = s.now_ns + STUCK_NS
 
     def call_for_hand_over(self, event: str, s: Situation) -> None:
@@ -172,7 +174,7 @@ class LandingState:
 
         keeps_point: it may be landed at later.
         """
-        self.keeps_request = keeps_point
+        self.keeps_request, self.is_ordered_abort = keeps_point, hold
         self.tally.aborts += 1
         self.tally.abort_reasons.append(reason)
         self.say(Severity.WARNING, f"abort: {reason}")

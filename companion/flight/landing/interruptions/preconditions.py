@@ -39,6 +39,7 @@ class Precondition(Enum):
     NO_FAILSAFE = "no failsafe"
     GPS = "GPS has a fix"
     PLACE = "GPS has a fix, or the odometry guides the autopilot"
+    GLITCH = "GPS used by the estimator"
     DRIFT = "GPS and LiDAR odometry agree"
     STICKS = "sticks at rest"
     POSITION = "position known"
@@ -80,6 +81,7 @@ TABLE: dict[Precondition, dict[Stage, Reaction]] = {
     Precondition.NO_FAILSAFE: _row(Reaction.TELL),
     Precondition.GPS: _row(Reaction.TELL),
     Precondition.PLACE: _row(_HOLD, _HOLD, Reaction.TELL, Reaction.TELL, Reaction.TELL, _HOLD, _HOLD),
+    Precondition.GLITCH: _row(Reaction.TELL),
     Precondition.DRIFT: _row(Reaction.TELL),
     Precondition.STICKS: _row(_NO, _NO, _NO, _OFF, _OFF, _NO, _NO),
     Precondition.POSITION: _row(_HOLD, _HOLD, _BREAK, _BREAK, _NO, _HOLD, _HOLD),
@@ -95,7 +97,9 @@ SECOND = 1_000_000_000
 PATIENCE_NS = {
     Precondition.CLASS: SECOND // 2,  # after an outage the heartbeat may come before EXTENDED_SYS_STATE
     Precondition.ESTIMATE: SECOND,
+    Precondition.NO_FAILSAFE: SECOND,  # in which it may take the mode
     Precondition.GPS: SECOND // 2,
+    Precondition.GLITCH: SECOND // 2,
     Precondition.STICKS: SECOND // 4,
     Precondition.OVER: SECOND // 2,
     Precondition.SINKS: 3 * SECOND // 2,
@@ -207,8 +211,10 @@ class Preconditions:
             broken[Precondition.MODE] = s.mode
         if s.estimate_lost:
             broken[Precondition.ESTIMATE] = f"{s.estimate_lost} lost"
-        if s.failsafe:
+        if s.failsafe and not s.estimate_lost:  # one event: it is about to stand back
             broken[Precondition.NO_FAILSAFE] = s.cause
+        if s.gps_glitching and not s.gps_lost:
+            broken[Precondition.GLITCH] = ""
         if s.gps_drift_m > MOST_DRIFT_M:
             broken[Precondition.DRIFT] = ""
         if self._sticks_moved(s):

@@ -47,8 +47,17 @@ class Descent:
         """Whether the vehicle holds while somebody crosses the point."""
         return self._wait.is_on
 
+    def watch_again(self, s: Situation) -> VehicleCommands:
+        """Watch a landing again that the autopilot was not made to leave in time."""
+        state = self._state
+        if s.position_enu_m is None or state.aim.enu_m is None:
+            return VehicleCommands()
+        state.say(Severity.WARNING, "abort too late: watching the landing again")
+        self.resume(s, state.aim.on_ground_enu_m)
+        return self.final_commands(s)
+
     def resume(self, s: Situation, enu_m: Vector) -> None:
-        """Resume watching the autopilot's landing at a point, which a previous companion began."""
+        """Resume watching the autopilot's landing at a point, which was begun before a restart or silence."""
         state = self._state
         state.aim.set_target(enu_m)
         state.aim.measure(s.position_enu_m, s.selected)
@@ -56,7 +65,7 @@ class Descent:
         state.selection.select(state.aim.enu_m)
         state.route.start_search(known(s.position_enu_m), s.height_above_home_m, -np.inf)
         state.ownership.adopt_landing(s)
-        state.say(Severity.WARNING, f"restarted in {s.mode}: watching the landing again")
+        state.outage.reset()
         state.go(Phase.FINAL, s)
         self._resumed_until_ns = s.now_ns + RESUMED_NS
 
@@ -152,9 +161,8 @@ class Descent:
             waiting = self._wait.commands(s)
             if waiting is not None:
                 return waiting
-            unseen = (
-                s.now_ns < self._resumed_until_ns and state.aim.judgement(s.selected) is PointState.UNKNOWN
-            )
+            unknown = not s.lidar_ok or state.aim.judgement(s.selected) is PointState.UNKNOWN
+            unseen = unknown and s.now_ns < self._resumed_until_ns
             reason = None if unseen else state.why_not(s)
             turned = reason is None and not unseen and not stands_at(s.selected, s.heading_rad)
             reason = reason or ("heading unsafe" if turned else "does not land" if late else None)

@@ -9,7 +9,8 @@ from companion.flight.landing.situation import LandingRequest, Phase, Severity, 
 
 STEADY_NS = 2 * SECOND  # airborne and level before an automatic start
 TELL_AGAIN_NS = 30 * SECOND
-LEAST_HEIGHT_M = 5.0  # above home, for an automatic start; less with a lower survey height
+LEAST_HEIGHT_M = 5.0  # over ground, for an automatic start; less with a lower survey height
+REASON_NS = 5 * SECOND  # for which a start waits before the pilot is told why
 LEVEL_MS = 0.3  # greatest vertical speed of a vehicle that is level
 
 
@@ -19,6 +20,8 @@ class Waiting:
     def __init__(self, state: LandingState) -> None:
         self._state = state
         self._disarmed = False  # since the last landing
+        self._reason, self._reason_since_ns = "", 0
+        self._reported: set[str] = set()  # reasons to wait since the hand-over
 
     def finish(self, s: Situation) -> VehicleCommands:
         """End the flight: report how far from the point the vehicle stands."""
@@ -47,33 +50,54 @@ class Waiting:
         if state.phase is Phase.LANDED and self._stands(s):
             return VehicleCommands(target_enu_m=state.aim.on_ground_enu_m)
         self._tell_to_hand_over(s)
-        if not self._is_ready(s):
+        if not self._is_wanted(s):
+            state.level_since_ns, self._reason = None, ""
+            self._reported.clear()
+        elif reason := self._reason_to_wait(s):
             state.level_since_ns = None
+            self._report(reason, s)
         elif state.too_windy(s):
             state.level_since_ns = None
             state.report_wind(s)
         elif state.level_since_ns is None:
-            state.level_since_ns = s.now_ns
+            state.level_since_ns, self._reason = s.now_ns, ""
         elif s.now_ns - state.level_since_ns > STEADY_NS:
             state.start(LandingRequest(urgent=state.is_battery_low(s)), s)
         return VehicleCommands()
 
-    def _is_ready(self, s: Situation) -> bool:
-        return (
-            self._state.auto
-            and s.fit
-            and self._state.hand_over.given
-            and not s.estimate_lost
-            and not s.no_command_reason
-            and s.connected
-            and s.armed
-            and s.guided
-            and s.on_ground is False
-            and s.position_enu_m is not None
-            and s.velocity_enu_ms is not None
-            and abs(float(s.velocity_enu_ms[2])) < LEVEL_MS
-            and s.height_above_home_m > min(LEAST_HEIGHT_M, self._state.parameters.survey_height_m)
-        )
+    def _is_wanted(self, s: Situation) -> bool:
+        """Return whether the pilot handed over to an automatic start."""
+        handed_over = s.connected and s.armed and s.guided and s.on_ground is not True
+        return self._state.auto and handed_over and self._state.hand_over.given and not s.no_command_reason
+
+    def _reason_to_wait(self, s: Situation) -> str:
+        """Return the reason against an automatic start, which is told; "" without one."""
+        state = self._state
+        height_m = float("nan") if s.report is None else s.report.choice.height_m
+        least_m = min(LEAST_HEIGHT_M, state.parameters.survey_height_m)
+        if not s.fit:
+            return "autopilot's parameters"
+        if s.estimate_lost or state.gps_loss.is_on:
+            return f"{s.estimate_lost or 'GPS'} lost"
+        if s.position_enu_m is None or s.velocity_enu_ms is None:
+            return "no position"
+        if s.on_ground is not False:
+            return "landed state unknown"
+        if not s.lidar_ok:
+            return s.no_map_reason.text
+        if np.isnan(height_m):
+            return "no ground seen"
+        if height_m <= least_m:
+            return f"lower than {least_m:.0f} m over ground"
+        return "not level" if abs(float(s.velocity_enu_ms[2])) >= LEVEL_MS else ""
+
+    def _report(self, reason: str, s: Situation) -> None:
+        """Report a reason to wait that lasts, once in a hand-over."""
+        if reason != self._reason:
+            self._reason, self._reason_since_ns = reason, s.now_ns
+        if reason not in self._reported and s.now_ns - self._reason_since_ns >= REASON_NS:
+            self._reported.add(reason)
+            self._state.say(Severity.WARNING, f"{reason}: waiting")
 
     def _tell_to_hand_over(self, s: Situation) -> None:
         """Report now and then that the guided mode has no effect without a new hand-over."""

@@ -103,7 +103,9 @@ class Flight:
         self.failsafe = self.breached = self.switched = False
         self.estimate_lost = self.cause = ""
         self.target_lost_ns: int | None = None
-        self.gps_lost = False
+        self.gps_lost = self.gps_glitching = False
+        self.home_m = 0.0  # height of home over the ground below
+        self.fits = self.landed_state_known = self.sees_ground = True
         self.intrusion: Intrusion | None = None
         self.tracked: bool | None = None
         self.place_by = "LiDAR"
@@ -135,7 +137,8 @@ class Flight:
             )
             selected = replace(selected, surface=self.surface(self.selected), corridors=self.corridors(self))
         near, far = MapReport(GRID, tuple(self.zones)), MapReport(GRID, tuple(self.far_zones))
-        choice = Choice(100.0, 20.0, 0.0, False, 0, 1.0)
+        height_m = float(self.position[2]) if self.sees_ground else math.nan
+        choice = Choice(100.0, height_m, 0.0, False, 0, 1.0)
         report = Report(0, FRAME, near, far, choice, selected, 1000, 1000, 0, 0, False, {})
         report = replace(report, prior=MapReport(GRID, tuple(self.prior_zones)), wires=self.wires)
         return Situation(
@@ -145,10 +148,11 @@ class Flight:
             guided=self.mode in ("GUIDED", "OFFBOARD"),
             landing=self.mode == "LAND",
             mode=self.mode,
-            on_ground=bool(self.position[2] < 0.05),
+            on_ground=bool(self.position[2] < 0.05) if self.landed_state_known else None,
+            fit=self.fits,
             position_enu_m=None if self.blind else self.position + self.estimate_is_off_m,
             velocity_enu_ms=None if self.blind else self.velocity.copy(),
-            height_above_home_m=float(self.position[2]),
+            height_above_home_m=float(self.position[2]) - self.home_m,
             lidar_ok=self.lidar_ok,
             report=report,
             selected=selected,
@@ -161,6 +165,7 @@ class Flight:
             breached=self.breached,
             estimate_lost=self.estimate_lost,
             gps_lost=self.gps_lost,
+            gps_glitching=self.gps_glitching,
             intrusion=self.intrusion,
             tracked=self.tracked,
             place_by=self.place_by,

@@ -117,7 +117,7 @@ def test_the_closer_look_comes_after_the_one_from_aside() -> None:
 
 
 def surveying(water: float, *zones: object) -> Flight:
-    flight = Flight(list(zones), survey_s=5)  # type: ignore[arg-type]
+    flight = Flight(list(zones), survey_s=5, height=20.0)  # type: ignore[arg-type]
     flight.below = suspected(water)
     return flight
 

@@ -182,3 +182,15 @@ def test_who_called_the_pilot_begins_nothing_afterwards(phase: Phase) -> None:
     flight.run(90)
     assert flight.executive.phase is Phase.HOLD
     assert flight.mode == "GUIDED"
+
+
+def test_a_landing_mode_that_is_accepted_after_the_call_for_its_refusal_is_not_asked_for() -> None:
+    flight = flown_to(Phase.DESCEND)
+    flight.obeys = False
+    flight.fly_to(Phase.FINAL).run(2)
+    flight.executive.on_refusal()
+    flight.run(0.2)
+    flight.obeys = True
+    flight.run(60)
+    assert flight.executive.phase is Phase.HOLD
+    assert flight.mode == "GUIDED"

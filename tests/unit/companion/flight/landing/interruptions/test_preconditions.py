@@ -512,3 +512,34 @@ def test_a_fixed_wing_gets_no_command_by_any_order_and_is_told_once() -> None:
     flight.run(5)
     assert silent_since(flight, 0)
     assert flight.texts == ["SLZ: fixed wing: mapping only"]
+
+
+def test_a_failsafe_that_takes_the_mode_or_loses_the_estimate_a_moment_later_is_one_event() -> None:
+    """ArduPilot: the flags fall, 0.8 s later "EKF Failsafe"; a battery failsafe changes the mode last."""
+    flight = flown_to(Phase.FINAL)
+    first = len(flight.texts)
+    flight.estimate_lost = "position"
+    flight.run(0.8)
+    flight.failsafe, flight.cause = True, "EKF Failsafe"
+    flight.run(3)
+    assert flight.texts[first:] == ["SLZ: failsafe (EKF Failsafe): LAND flies, take over"] or flight.texts[
+        first:
+    ] == ["SLZ: failsafe (position lost): LAND flies, take over"]
+    flight = flown_to(Phase.FINAL)
+    first = len(flight.texts)
+    flight.failsafe, flight.cause = True, "Battery Failsafe"
+    flight.run(0.5)
+    flight.mode = "RTL"
+    flight.run(3)
+    assert flight.texts[first:] == ["SLZ: failsafe (Battery Failsafe): RTL flies, take over"]
+
+
+@pytest.mark.parametrize("phase", [Phase.SURVEY, Phase.DESCEND, Phase.FINAL])
+def test_a_glitch_of_gps_is_told_while_it_lasts(phase: Phase) -> None:
+    flight = flown_to(phase)
+    flight.gps_glitching = True
+    flight.run(3)
+    assert flight.texts.count("SLZ: GPS glitch: position may jump, be ready") == 1
+    assert flight.severities[-1] is Severity.CRITICAL
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 0
