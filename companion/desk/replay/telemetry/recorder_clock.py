@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-# Logs are in order of arrival, so a time that goes back means that the clock was set. One that goes forward
-# may be a silence; it is none where the autopilot's own time went on by so much less.
+# Between two messages of the autopilot, the log's time and the autopilot's own go on alike. A time that goes
+# back was set; one that goes far ahead, too (a message may come some seconds late).
 BACK_NS, FORWARD_NS = 100_000_000, 10_000_000_000
 
 
@@ -20,25 +20,16 @@ class RecorderClock:
 
     def __init__(self) -> None:
         self.steps: list[tuple[int, int]] = []
-        self._last_ns: int | None = None
-        self._boot_ms: int | None = None
-        self._gap_ns = 0  # from the frame before to the newest, while no boot time tells what it was
-        self._gap_at_ns = 0
+        self._last: tuple[int, int] | None = None  # time and boot time (ms)
 
     def note(self, message: Any, at_ns: int) -> None:
-        """Note a frame of the log, in order."""
-        if self._last_ns is not None:
-            gap_ns = at_ns - self._last_ns
-            if gap_ns < -BACK_NS:
-                self.steps.append((self._last_ns, gap_ns))
-            elif gap_ns > FORWARD_NS:
-                self._gap_ns, self._gap_at_ns = gap_ns, self._last_ns
-        self._last_ns = at_ns
+        """Note a message of the autopilot, in the order of the log."""
         boot_ms = getattr(message, "time_boot_ms", None)
-        if boot_ms is None or message.get_srcComponent() != 1:
+        if boot_ms is None:
             return
-        if self._gap_ns and self._boot_ms is not None:
-            step_ns = self._gap_ns - (boot_ms - self._boot_ms) * 1_000_000
-            if boot_ms > self._boot_ms and step_ns > FORWARD_NS:
-                self.steps.append((self._gap_at_ns, step_ns))
-        self._gap_ns, self._boot_ms = 0, boot_ms
+        if self._last is not None and boot_ms > self._last[1]:
+            gap_ns = at_ns - self._last[0]
+            step_ns = gap_ns - (boot_ms - self._last[1]) * 1_000_000
+            if gap_ns < -BACK_NS or step_ns > FORWARD_NS:
+                self.steps.append((self._last[0], step_ns))
+        self._last = at_ns, boot_ms

@@ -23,6 +23,8 @@ from companion.flight.link.vehicle_identity import VehicleIdentity
 from companion.flight.link.wire.codec import Codec
 from companion.flight.link.wire.repeated_frames import RepeatedFrames
 
+AUTOPILOT: int = mavlink.MAV_COMP_ID_AUTOPILOT1
+
 
 class LoggedPoints(Protocol):
     """LiDAR measurements of a flight that has a log."""
@@ -101,7 +103,9 @@ class TelemetryFeed:
 
     def _messages(self) -> Iterator[Logged]:
         for logged in self._log.messages():
-            self._clock.note(logged.message, logged.at_ns)
+            message = logged.message
+            if (message.get_srcSystem(), message.get_srcComponent()) == (self._system, AUTOPILOT):
+                self._clock.note(message, logged.at_ns)
             yield logged
 
 
