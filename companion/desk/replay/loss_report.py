@@ -55,6 +55,12 @@ def lost_for_time(source: Counts, returns: Counts) -> list[str]:
         said.append(
             f"times of points are {source['times']}, though the header tells {source['times_in_header']}"
         )
+    coarse = returns.get("attitudes_too_far_apart")
+    if coarse:
+        said.append(
+            f"attitudes are {coarse} times too far apart for the vehicle's turns: between them they err by up"
+            f" to {returns['attitude_error_deg']:g} degrees, and so does the map; record 25 a second or more"
+        )
     said += clock_steps(source)
     above, compared = source.get("points_above_vehicle", 0), source.get("points_beside_vehicle", 0)
     if above > ABOVE_SHARE * compared:

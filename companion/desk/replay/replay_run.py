@@ -99,7 +99,10 @@ def _run_others(
     outcome.bad = feed.bad
     files = {} if out is None else _draw(out, rerun.maps(), rerun.report, outcome, rerun.parameters)
     summary = _summary(path, feed.cut, outcome, rerun.report, settings, files)
-    source, returns = feed.summary(), {"read": rerun.returns} | rerun.assembler.statistics()
+    source: dict[str, Any] = feed.summary()
+    returns: dict[str, Any] = {"read": rerun.returns} | rerun.assembler.statistics()
+    turns = rerun.history.steps
+    returns |= {"attitudes_too_far_apart": turns.coarse, "attitude_error_deg": round(turns.worst_deg, 1)}
     why = [] if summary["zones"] else [why_no_zone(outcome, rerun.maps(), rerun.parameters)]
     diagnosed = _diagnosed(rerun.diagnosis)
     return summary | {

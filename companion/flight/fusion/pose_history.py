@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.flight.fusion.attitude_steps import AttitudeSteps
 from companion.flight.fusion.motion import POSITION_WIDTH, STRETCH, interpolate
 from companion.flight.fusion.odometry.correction import Correction
 from companion.flight.geometry.axes import quaternion_wxyz
@@ -76,6 +77,8 @@ class PoseHistory:
         Jumps of the estimate that began an epoch, and those that the odometry absorbed; samples out of
         order, repeated or not finite; samples dropped because they were stamped by a wrong mapping of the
         autopilot's clock.
+    steps
+        Whether attitudes come often enough for the turns.
     """
 
     def __init__(
@@ -89,6 +92,7 @@ class PoseHistory:
         self.epoch = 0
         self.jumps = self.absorbed = 0
         self.refused = 0
+        self.steps = AttitudeSteps()
         self.correction = Correction()
         self.tracked_until_ns: int | None = None
         self._before_jump: tuple[int, Correction] | None = None  # last stamp before an absorbed jump
@@ -121,6 +125,7 @@ class PoseHistory:
             self.refused += 1
             return
         self._attitudes.append(stamp_ns, quat / norm)
+        self.steps.add(stamp_ns, quat / norm, self._limit_ns)
         self._rates = np.nan_to_num(np.asarray(rates, dtype=np.float64), posinf=0, neginf=0)
 
     def add_position(

@@ -58,6 +58,12 @@ def test_a_map_with_zones_needs_no_reason(tmp_path: Path) -> None:
     ("source", "returns", "says"),
     [
         ({}, {"without_pose": 7}, "7 of 1000 returns have no poses around them"),
+        (
+            {},
+            {"attitudes_too_far_apart": 3, "attitude_error_deg": 4.4},
+            "attitudes are 3 times too far apart for the vehicle's turns: between them they err by up to 4.4"
+            " degrees, and so does the map; record 25 a second or more",
+        ),
         ({}, {"stale": 7}, "7 of 1000 returns were too far from any pose (pose_timeout_s)"),
         ({"points": 90, "points_outside_log": 7}, {}, "7 of 90 points were not measured during the log"),
         (
@@ -85,7 +91,7 @@ def test_a_map_with_zones_needs_no_reason(tmp_path: Path) -> None:
     ],
 )
 def test_what_is_lost_for_time_is_said(
-    source: dict[str, Any], returns: dict[str, int], says: str | None
+    source: dict[str, Any], returns: dict[str, float], says: str | None
 ) -> None:
     assert lost_for_time(source, NONE_LOST | returns) == ([] if says is None else [says])
 
