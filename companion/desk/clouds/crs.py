@@ -129,6 +129,11 @@ def of_header(
             return given
         raise UsageError(f"{path}: its CRS cannot be read ({_line(error)}): name it by --crs") from None
     wkt = geokeys.has_wkt(header)
+    if keys.code(geokeys.MODEL) == geokeys.GEOCENTRIC and not wkt:
+        raise UsageError(
+            f"{path}: by its GeoTIFF key of the model its coordinates are geocentric, not x east and y north:"
+            " reproject it"
+        )
     if given is not None:
         heights = heights_of(crs if wkt else None, keys, str(path), vertical_unit)
         return _joined(given.crs, heights, str(path), given.unit_m) if heights.stated else given

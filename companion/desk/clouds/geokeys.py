@@ -11,6 +11,7 @@ from pyproj.crs import Datum  # type: ignore[attr-defined] # public in its docum
 from pyproj.database import get_units_map
 from pyproj.exceptions import CRSError
 
+MODEL, GEOCENTRIC = 1024, 3
 GEOGRAPHIC, GEODETIC_DATUM, ANGULAR_UNIT = 2048, 2050, 2054
 PROJECTED, PROJECTED_UNIT, PROJECTED_UNIT_SIZE = 3072, 3076, 3077
 VERTICAL, VERTICAL_DATUM, VERTICAL_UNIT = 4096, 4098, 4099

@@ -101,8 +101,9 @@ def _plain(name: str) -> str:
 
 
 def unit_name(length_m: float) -> str:
-    """Return the unit's name as in GDAL, else the length in metres."""
-    for name, metres in (("m", 1.0), ("ft", 0.3048), ("US survey foot", 1200 / 3937)):
+    """Return the name of a length (m) or angle (rad) as in GDAL, else the length in metres."""
+    lengths = ("m", 1.0), ("ft", 0.3048), ("US survey foot", 1200 / 3937)
+    for name, metres in (*lengths, ("degree", math.pi / 180), ("grad", math.pi / 200)):
         if abs(length_m / metres - 1) < 1e-7:
             return name
     return f"{length_m:.9g} m"

@@ -92,10 +92,15 @@ def heights_of(crs: CRS | None, keys: GeoKeys, owner: str, option: str | None) -
 
 
 def with_heights(crs: CRS, horizontal: CRS, heights: Heights, unit_m: float) -> CRS:
-    """Return a CRS with the vertical part of `heights` in the given unit, or without one."""
+    """Return a CRS with the heights of `heights` in the given unit, or without them.
+
+    Above an ellipsoid it is three-dimensional, as far as PROJ has that: in metres.
+    """
     own = _vertical(crs)
     if own is not None and abs(own.axis_info[-1].unit_conversion_factor / unit_m - 1) < 1e-6:
         return crs
+    if heights.vertical is None and own is None and heights.datum == ELLIPSOID and unit_m == 1.0:
+        return crs.to_3d()
     if heights.vertical is None:
         return horizontal if own is not None else crs
     vertical = _in_unit(heights.vertical, unit_m)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -93,6 +94,7 @@ def test_user_defined_keys_ask_for_the_option(tmp_path: Any) -> None:
 def test_names_of_units_are_those_of_gdal() -> None:
     assert [unit_name(v) for v in (1.0, FOOT, SURVEY_FOOT)] == ["m", "ft", "US survey foot"]
     assert unit_name(0.9143984146) == "0.914398415 m"
+    assert [unit_name(v) for v in (math.radians(1), math.radians(0.9))] == ["degree", "grad"]
 
 
 def test_a_crs_that_no_library_can_read_is_one_line(tmp_path: Any) -> None:
@@ -256,3 +258,33 @@ def test_the_unit_of_heights_by_option() -> None:
         from_option("EPSG:32610+6360", "m")
     with pytest.raises(UsageError, match="--vertical-unit 'yd': write m, ft, us-ft"):
         from_option("EPSG:32610", "yd")
+
+
+def test_a_key_of_ellipsoidal_heights_makes_the_crs_three_dimensional(tmp_path: Any) -> None:
+    for crs, keys in (
+        (CRS(4326), {"k2048": 4326, "k4096": 4979}),
+        (CRS(32633), {"k3072": 32633, "k4096": 4979}),
+        (CRS(32633), {"k3072": 32633, "k4096": 5030, "k4099": 9001}),
+    ):
+        reference = of_header(header(crs, **keys), tmp_path)
+        assert len(reference.crs.axis_info) == 3
+        assert reference.vertical is None
+        assert reference.vertical_m == 1.0
+        assert reference.horizontal.equals(crs)
+    reference = of_header(header(CRS(32633), k3072=32633, k4096=5030, k4099=9002), tmp_path)
+    assert len(reference.crs.axis_info) == 2  # PROJ has no such axis in feet
+    assert reference.vertical_m == FOOT
+
+
+@pytest.mark.parametrize(("crs", "key"), [(CRS(4979), 4979), (CRS(4326), 4326)])
+def test_a_key_of_geocentric_coordinates_is_refused_by_name(tmp_path: Any, crs: CRS, key: int) -> None:
+    with pytest.raises(UsageError, match="geocentric, not x east and y north: reproject it"):
+        of_header(header(crs, k1024=3, k2048=key), tmp_path)
+
+
+def test_three_dimensional_codes_give_their_horizontal_part(tmp_path: Any) -> None:
+    for code in (4979, 9518, 5972):
+        reference = of_header(header(CRS(code), k1024=2), tmp_path)
+        assert len(reference.horizontal.axis_info) == 2
+        assert reference.vertical_from == "crs"
+        assert reference.name == f"EPSG:{code}"
