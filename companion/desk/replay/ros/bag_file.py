@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.desk.replay.ros import livox_message
-from companion.desk.replay.ros.mcap_stream import McapStream
+from companion.desk.replay.ros.mcap_stream import McapStream, TopicChannel
 from companion.flight.sensors.decoders.point_cloud import StampedCloud, table_of
 from companion.runtime import extras
 from companion.runtime.errors import UsageError
@@ -22,7 +22,7 @@ PACKAGES = ("sensor_msgs", "nav_msgs", "geometry_msgs", "std_msgs", "builtin_int
 
 
 class BagFile:
-    """A folder, .db3, .mcap or .bag; an .mcap that is cut off or of another profile is read to its end.
+    """A folder, .db3, .mcap or .bag; an .mcap that is damaged, cut off or of another profile is read, too.
 
     Types are read as the bag defines them; where it only names a type, or its definition cannot be parsed,
     the library's own definition is used. Types of other packages are ignored.
@@ -60,6 +60,7 @@ class BagFile:
         with self._opened() as reader:
             wanted = [c for c in reader.connections if c.topic in topics]
             raws = reader.messages(connections=wanted) if wanted else iter(())
+            at_ns = -1
             while True:
                 try:
                     connection, at_ns, raw = next(raws)
@@ -67,7 +68,11 @@ class BagFile:
                     return
                 except Exception as error:  # raised by SQLite, MCAP, LZ4 or Zstandard
                     self.cut = f"it is damaged or cut off: {_line(error)}"
-                    return
+                    if isinstance(reader, McapStream) or self._path.suffix.lower() != ".mcap":
+                        return
+                    reader = self._stream(error)
+                    raws = _later(reader, topics, at_ns)
+                    continue
                 try:
                     message = self._message(raw, connection.msgtype)
                     stamp_ns = _stamp_ns(message) or at_ns
@@ -114,6 +119,14 @@ class BagFile:
         except Exception as why:  # raised by mcap, or the library's
             raise UsageError(f"{self._path}: it is no ROS bag, or damaged ({_line(why)})") from None
         return reader
+
+
+def _later(
+    reader: McapStream, topics: Sequence[str], at_ns: int
+) -> Iterator[tuple[TopicChannel, int, bytes]]:
+    """Yield the messages behind a damaged part, recorded after a time."""
+    wanted = [one for one in reader.connections if one.topic in topics]
+    return (message for message in reader.messages(wanted) if message[1] > at_ns)
 
 
 def _only_file(path: Path) -> Path:
