@@ -25,6 +25,7 @@ OVERTAKEN_NS = {"px4": 200_000_000}  # in this time an autopilot sends fewer tha
 OVERTAKEN_DEFAULT_NS = 400_000_000
 # Height above home at which an armed vehicle certainly flies, if it does not report its landed state.
 AIRBORNE_M = 2.0
+MOST_ALT_MM = 100_000_000  # no aircraft flies so high: the number is none
 # EXTENDED_SYS_STATE comes five times a second; without one so long, a VTOL may fly on its wing by now.
 VTOL_STATE_NS = 2_500_000_000
 
@@ -318,7 +319,8 @@ def _lla(lat_e7: int, lon_e7: int, alt_mm: int, *, zero: bool = False) -> Vector
 
     zero: accept 0, 0 as a position.
     """
-    if (lat_e7 == 0 and lon_e7 == 0 and not zero) or abs(lat_e7) > 900_000_000 or abs(lon_e7) > 1_800_000_000:
+    off_earth = abs(lat_e7) > 900_000_000 or abs(lon_e7) > 1_800_000_000 or abs(alt_mm) > MOST_ALT_MM
+    if (lat_e7 == 0 and lon_e7 == 0 and not zero) or off_earth:
         return None
     return lat_e7 * 1e-7, lon_e7 * 1e-7, alt_mm / 1000
 

@@ -46,7 +46,7 @@ class MessageOrder:
     heard_ns
         Arrival of that message.
     settled
-        Whether a second message confirmed that time: a first stamp may be anything.
+        Whether that time has gone on: a first stamp may be anything.
     other
         Boot times that contradict it, None without any.
     newest_us
@@ -72,9 +72,9 @@ class MessageOrder:
             return self._contradicted(boot_ms, now_ns, stays_ms)
         if self._is_old(kind, boot_ms):
             return self, "old"
-        found = replace(self._believed()._with(kind, boot_ms * 1000), settled=True)
+        found = self._believed()._with(kind, boot_ms * 1000)
         if boot_step_ms(self.newest_ms, boot_ms) > 0:
-            found = replace(found, newest_ms=boot_ms, heard_ns=now_ns)
+            found = replace(found, newest_ms=boot_ms, heard_ns=now_ns, settled=True)
         return found, "next"
 
     def judge_other(self, message: Any) -> tuple[MessageOrder, Verdict]:

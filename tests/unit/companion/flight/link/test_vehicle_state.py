@@ -197,7 +197,7 @@ def test_a_reboot_forgets_what_was_true_before_it() -> None:
 
 
 def test_one_message_held_up_on_its_way_is_no_reboot_and_changes_nothing() -> None:
-    flying = after(heartbeat(), position(90_000), attitude(90_000))
+    flying = after(heartbeat(), position(90_000), attitude(90_010))
     state = after(position(50_000, lat=1), position(90_020), position(40_000, lat=1), state=flying)
     assert state.reboots == 0
     assert state.position_lla == pytest.approx((47.0, 8.0, 412.0))
