@@ -162,7 +162,7 @@ class Companion:
         self.ros = None if ros2 is None else RosSession(ros2)
         told = None if ros2_odometry is None else self._open_external(ros2_odometry, wall_offset_ns)
         self.ros_odometry = None if told is None else told.subscribe(self.ros, parameters)
-        own = open_odometry(parameters, self.history) if told is None else None
+        own = open_odometry(parameters, self.history, self._fix_lost) if told is None else None
         self.odometry: PlaceSource | None = own if told is None else told.odometry
         self._external = None if told is None else told.odometry
         self.assembler = ScanAssembler(
@@ -299,6 +299,9 @@ class Companion:
         if failed is not None:
             raise failed from None
 
+    def _fix_lost(self) -> bool:
+        return self.link.vehicle.health.fix_lost
+
     def _tells_place(self) -> bool:
         return self.odometry is not None and self.odometry.tells_place(now_ns())
 
@@ -307,7 +310,7 @@ class Companion:
             return self.lidar.stream.offset_ns(stamp_ns) if isinstance(self.lidar, RosLidar) else None
 
         return OdometryInput.open(
-            topic, self.parameters, self.history, gps_lost=lambda: self.link.vehicle.health.fix_lost,
+            topic, self.parameters, self.history, gps_lost=self._fix_lost,
             cloud_offset_ns=cloud_offset_ns, wall_offset_ns=wall_offset_ns,
         )  # fmt: skip
 

@@ -74,7 +74,9 @@ class RecordedSensors:
         self._inbox.rebooted.subscribe(self.history.clear)
         self._told = _external(header, parameters, self)
         self.odometry: PlaceSource | None = None if self._told is None else self._told.odometry
-        own = None if self._told is not None else open_odometry(parameters, self.history)
+        own = None
+        if self._told is None:
+            own = open_odometry(parameters, self.history, lambda: self.vehicle.health.fix_lost)
         if own is not None:
             self.odometry = own
             self.on_imu.subscribe(own.gyro.add_samples)
@@ -142,7 +144,7 @@ def _external(header: Header, parameters: Parameters, sensors: RecordedSensors) 
         parse_odometry_topic(header.odometry),
         parameters,
         sensors.history,
-        gps_lost=lambda: sensors.vehicle.health.gps_lost,
+        gps_lost=lambda: sensors.vehicle.health.fix_lost,
         cloud_offset_ns=sensors.cloud_offset_ns,
         wall_offset_ns=lambda: header.clock_offset_ns,
     )

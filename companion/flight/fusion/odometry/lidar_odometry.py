@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -54,6 +55,9 @@ class LidarOdometry:
     gyro
         Rotations by the LiDAR's own gyroscope, if it has one: what the autopilot's heading turns beyond them
         is its error.
+    gps_lost
+        Tells whether the autopilot's receiver has lost its fix: a map that begins then is where an estimate
+        without evidence has it, and tells no place until GPS is back.
 
     Attributes
     ----------
@@ -70,9 +74,12 @@ class LidarOdometry:
 
     name = "LiDAR"
 
-    def __init__(self, history: PoseHistory, gyro: GyroTrack) -> None:
+    def __init__(
+        self, history: PoseHistory, gyro: GyroTrack, gps_lost: Callable[[], bool] = lambda: False
+    ) -> None:
         self.gyro = gyro
-        self._history = history
+        self._history, self._gps_lost = history, gps_lost
+        self._adrift = False  # the map began without GPS
         self._map, self._steps, self._filter = SurfelMap(), StepMap(), CorrectionFilter()
         self._unsure, self._map_variance_m2 = MapUncertainty(), np.zeros(3)
         self._waiting: list[Scan] = []
@@ -143,7 +150,7 @@ class LidarOdometry:
         if self._last_ns is None or at_ns - self._last_ns > GAP_NS:
             if self._last_ns is not None:
                 self._restart()
-            self._last_ns = at_ns
+            self._last_ns, self._adrift = at_ns, self._gps_lost()
             placed = correction.points(points)
             self._map.add(placed, np.zeros(len(points), np.bool_), at_ns, sensor_enu_m)
             self._steps.add(placed, at_ns)
@@ -165,10 +172,13 @@ class LidarOdometry:
             return
         self._refused_in_row = 0
         self.updates += 1
-        self._seen_ns[self._filter.observed] = at_ns
+        observed = self._filter.observed.copy()
+        self._adrift = self._adrift and self._gps_lost()
+        observed[3:5] &= not self._adrift
+        self._seen_ns[observed] = at_ns
         self._map_variance_m2 = self._unsure.variance_m2(at_ns - age_ns)
         self._unsure.add(at_ns, self._map_variance_m2 + np.diag(self._filter.covariance)[3:6] + SHARED_M**2)
-        self._set(state, sensor_enu_m, at_ns, self._filter.observed)
+        self._set(state, sensor_enu_m, at_ns, observed)
         self._map.add(placed, known, at_ns, sensor_enu_m + state[3:6])
         self._steps.add(placed, at_ns)
 

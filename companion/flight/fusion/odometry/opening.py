@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from companion.flight.fusion.odometry.gyro_track import GyroTrack
@@ -13,10 +14,12 @@ if TYPE_CHECKING:
     from companion.flight.fusion.odometry.lidar_odometry import LidarOdometry
 
 
-def open_odometry(parameters: Parameters, history: PoseHistory) -> LidarOdometry | None:
+def open_odometry(
+    parameters: Parameters, history: PoseHistory, gps_lost: Callable[[], bool] = lambda: False
+) -> LidarOdometry | None:
     """Return the odometry that corrects a history, None where it is off."""
     if parameters.odometry == "off":
         return None
     from companion.flight.fusion.odometry.lidar_odometry import LidarOdometry
 
-    return LidarOdometry(history, GyroTrack(Mount(parameters)))
+    return LidarOdometry(history, GyroTrack(Mount(parameters)), gps_lost)

@@ -87,6 +87,22 @@ def test_an_estimate_is_of_its_own_time_however_late_its_scans_are_used() -> Non
     np.testing.assert_allclose(estimate.velocity_enu_ms, odometer.velocity_enu_ms(at_s), atol=0.03)
 
 
+def test_a_map_that_begins_without_gps_tells_no_place_until_it_is_back() -> None:
+    odometer = Odometer(courtyard).run(12)
+    odometer.gps_lost = True
+    odometer.run(1)
+    assert odometer.odometry.tells_place(odometer.now_ns)
+    odometer.fly(3_000_000_000)  # without scans
+    odometer.run(12)
+    assert odometer.odometry.restarts == 1
+    assert estimate_of(odometer).observed.tolist() == [False, False, True, True, True, True]
+    assert not odometer.odometry.is_tracking(odometer.now_ns)
+    assert odometer.history.tracked_until_ns is None
+    odometer.gps_lost = False
+    odometer.run(1)
+    assert odometer.odometry.tells_place(odometer.now_ns)
+
+
 def test_an_axis_counts_as_observed_by_the_scan_that_shows_it_alone() -> None:
     odometer = Odometer(courtyard).run(12)
     assert estimate_of(odometer).observed.all()

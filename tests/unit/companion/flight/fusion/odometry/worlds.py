@@ -96,7 +96,8 @@ class Odometer:
         self.rng = np.random.default_rng(self.seed)
         self.history = PoseHistory(Parameters(), HOME)
         self.gyro = GyroTrack(Mount(Parameters()))
-        self.odometry = LidarOdometry(self.history, self.gyro)
+        self.gps_lost = False
+        self.odometry = LidarOdometry(self.history, self.gyro, lambda: self.gps_lost)
         self.now_ns = 0
         self.offsets: list[Floats] = []  # of the pose on the map from the true one, by scan
 
