@@ -93,7 +93,7 @@ def plan(number: int, kind: str) -> Plan:
         over = STRUCTURED[number % len(STRUCTURED)]
         return Plan(number, over, real=True, odometry="map" if kind == "drift" else "off")
     if kind == "gps_cut":
-        over = FEATURELESS if number % 10 == 9 else STRUCTURED
+        over = FEATURELESS if number % 10 == 9 else (*STRUCTURED, "dense")
         cut = f"gps_denied@{CUT_BELOW_M:g}"
         scene = over[number % len(over)]
         return Plan(number, scene, real=True, odometry="autopilot", faults=cut)
