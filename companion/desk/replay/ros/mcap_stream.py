@@ -6,11 +6,16 @@ another profile than ros2.
 
 from __future__ import annotations
 
+import struct
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
+import lz4.frame  # type: ignore[import-untyped]
+import zstandard
+from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, DataEnd, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
@@ -20,6 +25,8 @@ ROS1, ROS2 = ("ros1", "ros1msg"), ("cdr", "ros2msg", "ros2idl")  # encodings of 
 
 
 MAGIC_BYTES = 8
+# Of a chunk: first and last time, plain bytes, checksum, and length of the compression's name.
+CHUNK_HEAD = struct.Struct("<QQQII")
 
 
 class CutError(ValueError):
@@ -111,13 +118,16 @@ class McapStream:
         damaged, whole = 0, False
         with self._path.open("rb") as file:
             records = StreamReader(file, emit_chunks=True).records
+            at = MAGIC_BYTES
             while not whole:
                 try:
                     record = next(records)
                 except Exception as error:  # raised by mcap
+                    yield from _of_cut_chunk(file, at)
                     ends = not file.read(1) and file.tell() > MAGIC_BYTES
                     why = "ends in the middle, as after a loss of power" if ends else f"is damaged: {error}"
                     raise CutError(f"it {why}") from None
+                at = file.tell()
                 whole = isinstance(record, DataEnd)
                 if not isinstance(record, Chunk):
                     yield record
@@ -130,6 +140,43 @@ class McapStream:
                 yield from inner
         if damaged:
             raise CutError(f"{damaged} of its chunks are damaged and left out")
+
+
+def _of_cut_chunk(file: BinaryIO, at: int) -> list[McapRecord]:
+    """Return the whole records of a chunk at an offset that the file's end cuts; none if it is no chunk."""
+    file.seek(at)
+    head = file.read(9 + CHUNK_HEAD.size)
+    if len(head) < 9 + CHUNK_HEAD.size or head[0] != Opcode.CHUNK:
+        return []
+    start_ns, end_ns, _, _, name_bytes = CHUNK_HEAD.unpack_from(head, 9)
+    name, data = file.read(name_bytes).decode("ascii", "replace"), file.read()[8:]
+    try:
+        if name == "zstd":
+            plain = zstandard.ZstdDecompressor().decompressobj().decompress(data)
+        elif name == "lz4":
+            plain = lz4.frame.LZ4FrameDecompressor().decompress(data)
+        else:
+            plain = data
+    except Exception:  # raised by the decompressors
+        return []
+    end = 0
+    while end + 9 <= len(plain):
+        after = end + 9 + int.from_bytes(plain[end + 1 : end + 9], "little")
+        if after > len(plain):
+            break
+        end = after
+    whole = Chunk(
+        compression="",
+        data=plain[:end],
+        message_start_time=start_ns,
+        message_end_time=end_ns,
+        uncompressed_crc=0,
+        uncompressed_size=end,
+    )
+    try:
+        return breakup_chunk(whole)
+    except Exception:  # raised by mcap
+        return []
 
 
 def _topic_channel(channel: Channel, schema: Schema | None) -> TopicChannel:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from mcap.writer import Writer
+from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from companion.desk.replay.recording_type import recording_type_of
@@ -82,20 +83,32 @@ def test_a_file_that_is_no_bag_is_one_line(tmp_path: Path) -> None:
 # ---- bags as tools and power losses leave them -----------------------------------------------------------
 
 
-def many(path: Path, profile: str = "ros2", ros1: bool = False) -> Path:
-    """Write 40 poses in chunks of one message each."""
+def many(
+    path: Path,
+    profile: str = "ros2",
+    ros1: bool = False,
+    count: int = 40,
+    chunk_bytes: int = 1,
+    packing: CompressionType = CompressionType.ZSTD,
+) -> Path:
+    """Write poses, by default 40 in chunks of one message each."""
     kind = ODOMETRY.replace("/msg/", "/") if ros1 else ODOMETRY
     with path.open("wb") as file:
-        writer = Writer(file, chunk_size=1)
+        writer = Writer(file, chunk_size=chunk_bytes, compression=packing)
         writer.start(profile=profile, library="test")
         text = STORE1.generate_msgdef(ODOMETRY, ros_version=1)[0] if ros1 else ""
         schema = writer.register_schema(kind, "ros1msg" if ros1 else "ros2msg", text.encode())
         channel = writer.register_channel("/odom", "ros1" if ros1 else "cdr", schema)
-        for k in range(40):
+        if chunk_bytes > 1:
+            noise = writer.register_channel("/noise", "cdr", schema)
+        rng = np.random.default_rng(1)
+        for k in range(count):
             raw = bytes(STORE.serialize_cdr(flights.pose(ODOMETRY, k * 1_000_000), ODOMETRY))
             if ros1:
                 raw = bytes(STORE.cdr_to_ros1(raw, ODOMETRY))
             writer.add_message(channel, BEGIN_NS + k, raw, BEGIN_NS + k)
+            if chunk_bytes > 1:  # what cannot be packed, so that the file's end is within the chunk
+                writer.add_message(noise, BEGIN_NS + k, rng.bytes(600), BEGIN_NS + k)
         writer.finish()
     return path
 
@@ -139,6 +152,20 @@ def test_a_bag_that_is_cut_off_is_read_up_to_its_end(tmp_path: Path, profile: st
     bag = BagFile(path)
     found = times(bag)
     assert 5 < len(found) < 40
+    assert found == list(range(len(found)))
+    assert "it ends in the middle, as after a loss of power" in bag.cut
+
+
+@pytest.mark.parametrize("packing", [CompressionType.NONE, CompressionType.LZ4, CompressionType.ZSTD])
+def test_a_chunk_that_the_end_of_the_file_cuts_is_read_up_to_there(
+    tmp_path: Path, packing: CompressionType
+) -> None:
+    path = many(tmp_path / "flight.mcap", count=600, chunk_bytes=1 << 22, packing=packing)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: int(0.6 * len(whole))])
+    bag = BagFile(path)
+    found = times(bag)
+    assert 100 < len(found) < 600
     assert found == list(range(len(found)))
     assert "it ends in the middle, as after a loss of power" in bag.cut
 
