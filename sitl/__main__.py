@@ -12,6 +12,7 @@ from pathlib import Path
 
 from sitl import faults, intruders, scenes
 from sitl.attached import attach
+from sitl.autopilot.airframe import Kind
 from sitl.autopilot.estimator import SEVERITIES, EstimateErrors
 from sitl.autopilot.parameters import in_range, with_defaults
 from sitl.lockstep import LockstepServer
@@ -190,6 +191,10 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         "--speedup", type=float, default=None, help="times real time; 0 is as fast as possible"
     )
     parser.add_argument("--pilot", default="none", choices=("none", "takeoff"))
+    parser.add_argument(
+        "--airframe", default="multirotor", choices=[kind.name.lower() for kind in Kind],
+        help="what the messages say it is; a fixed wing flies straight on at 9.6 m/s after its take-off",
+    )  # fmt: skip
     parser.add_argument("--takeoff-alt", type=float, default=30.0, help="m above home")
     parser.add_argument("--wind", type=float, default=3.0, help="mean wind 10 m over the ground, m/s")
     parser.add_argument(
@@ -294,6 +299,7 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         gust_ms=options.gust,
         pilot_height_m=options.takeoff_alt if options.pilot == "takeoff" else None,
         mavlink_key=None if options.mavlink_key is None else read_key(options.mavlink_key),
+        airframe=Kind[options.airframe.upper()],
         imu_to=None if options.imu_to is None else _address(options.imu_to, "--imu-to"),
         radar_to=None if options.radar_to is None else _address(options.radar_to, "--radar-to"),
     )

@@ -8,6 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from sitl import scenes
+from sitl.autopilot.airframe import Kind
 from sitl.autopilot.autopilot import Autopilot
 from sitl.autopilot.estimator import EstimateErrors, Estimator
 from sitl.autopilot.pilot import Pilot
@@ -78,6 +79,7 @@ class Simulation:
         lidar_dual: bool = False,
         radar_to: Address | None = None,
         imu_to: tuple[str, int] | None = None,
+        airframe: Kind = Kind.MULTIROTOR,
         tick_ns: int = TICK_NS,
     ) -> None:
         if imu_to is not None:
@@ -91,6 +93,7 @@ class Simulation:
         home = x, y, scene.world.height_m(x, y)
         self.vehicle = Vehicle(streams[0], home, heading, wind_ms, wind_from_deg, gust_ms)
         self.autopilot = Autopilot(origin_lla, parameters, ready_after_s=ready_after_s)
+        self.autopilot.airframe.kind = airframe
         self.estimator = Estimator(streams[1], errors, self.autopilot.aiding)
         self.autopilot.late_ns = lambda: round(self.late_s(self.now_ns) * 1e9)
         self.autopilot.truth_source = lambda: self.vehicle.truth

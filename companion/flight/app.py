@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from companion.flight.command_execution import CommandExecution
+from companion.flight.commander_watch import CommanderWatch
 from companion.flight.decision_loop import DecisionLoop
 from companion.flight.doctor.autopilot_fitness import Fitness
 from companion.flight.flight_summary import flight_summary
@@ -183,6 +184,7 @@ class Companion:
             self.link, self.lidar.stream, self.worker, self.settings, wall_offset_ns, state,
             lambda: self.assembler.scans, told,
         )  # fmt: skip
+        commanders = CommanderWatch(self.link)
         self.situations = SituationSource(
             parameters,
             self.link,
@@ -193,6 +195,7 @@ class Companion:
             self.fitness,
             self.wind,
             self.watch,
+            commanders,
             self.odometry,
             self.fence,
         )
@@ -208,8 +211,9 @@ class Companion:
         self.feed.on_new_map.subscribe(self.surroundings.forget)
         self.modes = ModeRequests(self.link, self.executive)
         self._execution = CommandExecution(
-            self.link, self.history, self.worker, self.streams, self.surroundings, self.modes, parameters
-        )
+            self.link, self.history, self.worker, self.streams, self.surroundings, self.modes, commanders,
+            parameters,
+        )  # fmt: skip
         self.order_desk = OrderDesk(self.executive, self.situation, parameters.zone_m)
         self.link.on_command(MavlinkOrders(self.order_desk, lambda: self.history.frame).answer)
         orders = (OrderParameters(self.order_desk),)

@@ -7,10 +7,11 @@ import logging
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.flight.commander_watch import CommanderWatch
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.axes import enu_from_level
 from companion.flight.landing.look_ahead import LEVEL_M, half_width_m, limit_velocity
-from companion.flight.landing.situation import Situation, VehicleCommands
+from companion.flight.landing.situation import STOPPED, Situation, VehicleCommands
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mapping.surroundings import Surroundings
@@ -36,6 +37,8 @@ class CommandExecution:
     ----------
     blocked, blocked_above
         Something is in the way that the last velocity led, ahead or above.
+    sent_enu_ms
+        Velocity of the setpoint that was sent last step, None without one.
     """
 
     def __init__(
@@ -46,12 +49,15 @@ class CommandExecution:
         streams: MessageSchedule,
         surroundings: Surroundings,
         modes: ModeRequests,
+        commanders: CommanderWatch,
         parameters: Parameters,
     ) -> None:
+        self._commanders = commanders
         self._link, self._history, self._worker = link, history, worker
         self._streams, self._surroundings, self._modes = streams, surroundings, modes
         self._lidar_min_m, self._aside_m = parameters.lidar_min_m, half_width_m(parameters)
         self._last_open_ns = 0
+        self.sent_enu_ms: NDArray[np.float64] | None = None
         self.blocked = self.blocked_above = False
 
     def execute(self, commands: VehicleCommands, situation: Situation) -> None:
@@ -64,6 +70,7 @@ class CommandExecution:
             self._link.statustext(text, severity.value)
         if commands.select_enu_m is not None:
             self._worker.select(commands.select_enu_m)
+        self.sent_enu_ms = None
         if self._link.no_command_reason:
             self._modes.cancel()
             self._streams.target_enu_m = None
@@ -74,10 +81,12 @@ class CommandExecution:
             self._modes.review(situation)
         vehicle = self._link.vehicle
         if commands.velocity_enu_ms is not None and (vehicle.guided or commands.mode == "guided"):
-            velocity = self._limit_velocity(commands.velocity_enu_ms, situation)
+            velocity = self.sent_enu_ms = self._limit_velocity(commands.velocity_enu_ms, situation)
             self._link.send(velocity_setpoint(vehicle, velocity, commands.yaw_rad))
+            self._commanders.on_setpoint(velocity, situation.now_ns)
         elif self._must_keep_offboard_open(situation) and (signal := offboard_signal(vehicle)) is not None:
             self._link.send(signal)
+            self._commanders.on_setpoint(STOPPED, situation.now_ns, idle=True)
         self._streams.target_enu_m = commands.target_enu_m
 
     def stop_vehicle(self) -> None:
@@ -87,8 +96,13 @@ class CommandExecution:
         self._link.send(velocity_setpoint(self._link.vehicle, np.zeros(3), None))
 
     def _must_keep_offboard_open(self, situation: Situation) -> bool:
-        """Tell whether a signal is due, without which PX4 does not enter its offboard mode."""
+        """Tell whether a signal is due, without which PX4 does not enter or keep its offboard mode.
+
+        In that mode it would brake a vehicle that follows another's setpoints.
+        """
         px4, flying = self._link.vehicle.autopilot == "px4", situation.armed and situation.on_ground is False
+        if self._commanders.is_foreign:
+            return False
         due = situation.now_ns - self._last_open_ns >= OPEN_STEP_NS
         if px4 and flying and due:
             self._last_open_ns = situation.now_ns

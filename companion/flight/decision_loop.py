@@ -67,6 +67,7 @@ class DecisionLoop:
             self._on_new_frame()
         self._situations.blocked = self._execution.blocked
         self._situations.blocked_above = self._execution.blocked_above
+        self._situations.asked_enu_ms = self._execution.sent_enu_ms
         situation, vehicle = self._situations.situation(), flight.link.vehicle
         commands = flight.executive.step(situation)
         self._restart.update(

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.flight.commander_watch import CommanderWatch
 from companion.flight.doctor.autopilot_fitness import Fitness
 from companion.flight.fusion.odometry.place_source import PlaceSource
 from companion.flight.fusion.pose_history import PoseHistory
@@ -40,6 +44,8 @@ class SituationSource:
         The newest report of the present map, None before the first.
     blocked, blocked_above
         Something is in the way that the last velocity led, ahead or above.
+    asked_enu_ms
+        Velocity (3,) of the last setpoint, None without one.
     """
 
     def __init__(
@@ -53,6 +59,7 @@ class SituationSource:
         fitness: Fitness,
         wind: WindEstimate,
         watch: PointWatch,
+        commanders: CommanderWatch,
         odometry: PlaceSource | None,
         fence: FenceReader,
     ) -> None:
@@ -60,9 +67,10 @@ class SituationSource:
         self._p = parameters
         self._link, self._history, self._worker = link, history, worker
         self._lidar, self._radar, self._fitness = lidar, radar, fitness
-        self._wind, self._watch = wind, watch
+        self._wind, self._watch, self._commanders = wind, watch, commanders
         self.newest: Report | None = None
         self.blocked = self.blocked_above = False
+        self.asked_enu_ms: NDArray[np.float64] | None = None
         self._last_scan_ns: int | None = None
         self._last_report_ns: int | None = None
 
@@ -131,6 +139,8 @@ class SituationSource:
             moving=self._watch.moving(now),
             no_command_reason=self._link.no_command_reason,
             fence=self._fence.geofence(vehicle, self._history.frame),
+            asked_enu_ms=self.asked_enu_ms,
+            commander=self._commanders.commander(),
         )
 
     def fresh_report(self) -> Report | None:

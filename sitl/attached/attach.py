@@ -20,6 +20,7 @@ from sitl.truth import gear_options, truth
 IDLE_S = 0.002
 # Options of the whole vehicle; the followed autopilot has its own.
 FOREIGN = (
+    "airframe",
     *("mavlink", "mavlink_key", "lockstep", "speedup", "pilot", "takeoff_alt", "intruder"),
     *("fault", "drift", "param", "imu_to", "wind", "wind_from", "gust"),
 )

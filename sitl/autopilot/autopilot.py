@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.aiding.ekf2_aiding import Ekf2Aiding
+from sitl.autopilot.airframe import Airframe, Kind
 from sitl.autopilot.cascade_control import VelocityLoop, attitude_for, rate_command
 from sitl.autopilot.commands import Commands
 from sitl.autopilot.failsafe import PERIOD_NS, Failsafes
@@ -87,6 +88,8 @@ class Autopilot:
         self.receiver = RadioReceiver()
         self.wind = WindEstimator()
         self.navigator = Navigator(self.parameters, self.precland)
+        self.airframe = Airframe()
+        self.flown_enu_ms = np.zeros(3)
         self.rally = Rally(self)
         self.failsafes = Failsafes(self)
         self.telemetry = Telemetry(self, self.failsafes)
@@ -362,7 +365,9 @@ class Autopilot:
         self._settled_since_ns = None
         self.navigator.sticks = self.receiver.sticks(now_ns)
         velocity = self.navigator.velocity(self.mode, estimate, now_ns, self.range_down_m())
-        velocity = self._avoid(velocity, estimate)
+        if self.airframe.kind is Kind.FIXED_WING and not (wants_up or self.airframe.on_wing):
+            self.airframe.fly_on(estimate, now_ns)
+        velocity = self.flown_enu_ms = self.airframe.velocity(self._avoid(velocity, estimate), now_ns)
         level = self._without_position()
         if level:
             velocity = np.array([*estimate.vel_enu_ms[:2], velocity[2]])

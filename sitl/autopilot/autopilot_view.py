@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.autopilot.airframe import Airframe
 from sitl.autopilot.modes import Mode, Navigator
 from sitl.autopilot.position_aiding import PositionAiding
 from sitl.autopilot.precland import PrecisionLanding
@@ -38,6 +39,8 @@ class AutopilotView(Protocol):
     receiver: RadioReceiver
     wind: WindEstimator
     navigator: Navigator
+    airframe: Airframe
+    flown_enu_ms: F64
 
     @property
     def has_ekf2(self) -> bool: ...

@@ -46,6 +46,8 @@ class GuidedTarget:
     yaw_rad: float | None = None
     yaw_rate_rad_s: float | None = None
     stamp_ns: int = 0
+    entered: bool = False
+    """Whether it holds the place where GUIDED was entered, which ArduCopter reports as zero velocity."""
 
 
 @dataclass(slots=True)
@@ -91,7 +93,7 @@ class Navigator:
         """Start a mode from the vehicle's current state."""
         stop = state.vel_enu_ms * np.array([0.6, 0.6, 0.3])
         self.hold_enu_m = state.pos_enu_m + stop
-        self.guided = GuidedTarget(position_enu_m=self.hold_enu_m.copy())
+        self.guided = GuidedTarget(position_enu_m=self.hold_enu_m.copy(), entered=True)
         self.takeoff_up_m = None
         self.climbing = mode is Mode.RTL
         self.descending = False

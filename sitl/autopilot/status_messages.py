@@ -55,7 +55,7 @@ class StatusMessages:
             flags |= mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
             flags |= 0 if ap.navigator.blind else mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
         return mavlink.MAVLink_heartbeat_message(
-            mavlink.MAV_TYPE_QUADROTOR,
+            ap.airframe.kind.value,
             mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
             flags,
             int(ap.mode),

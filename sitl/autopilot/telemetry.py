@@ -60,6 +60,8 @@ _STREAMS = {
         ID.MAVLINK_MSG_ID_WIND,
     ),
 }
+# type_mask of POSITION_TARGET_LOCAL_NED in ArduCopter's submodes of GUIDED; always without yaw and its rate.
+_POSITION_ONLY, _VELOCITY_ONLY, _POSITION_AND_VELOCITY = 0xDF8, 0xC07, 0xC00
 UTC_AT_ZERO_US = 1_750_000_000_000_000
 
 
@@ -79,6 +81,7 @@ class Telemetry:
             ID.MAVLINK_MSG_ID_VFR_HUD: self._vfr_hud,
             ID.MAVLINK_MSG_ID_SYSTEM_TIME: self._system_time,
             ID.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._extended_state,
+            ID.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._position_target,
             ID.MAVLINK_MSG_ID_TIMESYNC: self._timesync,
             ID.MAVLINK_MSG_ID_HOME_POSITION: self._home,
             ID.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self._origin,
@@ -220,8 +223,32 @@ class Telemetry:
             landed = mavlink.MAV_LANDED_STATE_TAKEOFF
         elif ap.airborne and ap.mode is Mode.LAND:
             landed = mavlink.MAV_LANDED_STATE_LANDING
-        # ArduCopter reports a VTOL that hovers, whatever it is.
-        return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_MC, landed)
+        return mavlink.MAVLink_extended_sys_state_message(ap.airframe.vtol_state, landed)
+
+    def _position_target(self) -> Any | None:
+        """Return what GUIDED follows; None in another mode.
+
+        As in ArduCopter, a velocity is the one that avoidance leaves, and a position comes without one.
+        """
+        ap, guided = self._ap, self._ap.navigator.guided
+        if ap.mode is not Mode.GUIDED:
+            return None
+        up_m, position, velocity = ap.navigator.takeoff_up_m, guided.position_enu_m, np.zeros(3)
+        if up_m is not None:
+            position = np.array([*ap.navigator.hold_enu_m[:2], up_m])
+        elif guided.entered:
+            position = None
+        elif guided.velocity_enu_ms is not None:
+            velocity = ap.flown_enu_ms if position is None else guided.velocity_enu_ms
+        mask = _POSITION_ONLY if guided.velocity_enu_ms is None else _POSITION_AND_VELOCITY
+        if position is None:
+            mask, position = _VELOCITY_ONLY, np.zeros(3)
+        return mavlink.MAVLink_position_target_local_ned_message(
+            self._boot_ms, mavlink.MAV_FRAME_LOCAL_NED, mask,
+            *(float(v) for v in (position[1], position[0], -position[2])),
+            *(float(v) for v in (velocity[1], velocity[0], -velocity[2])),
+            0.0, 0.0, 0.0, 0.0, 0.0,
+        )  # fmt: skip
 
     def _timesync(self) -> Any:
         return mavlink.MAVLink_timesync_message(0, self._ap.boot_ns)

@@ -57,6 +57,9 @@ _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "second_vehicle": neighbour_faults.SecondVehicle,
     "second_station": neighbour_faults.SecondStation,
     "gimbal": neighbour_faults.Gimbal,
+    "fly_here": neighbour_faults.FlyHere,
+    "second_companion": neighbour_faults.SecondCompanion,
+    "wing_flight": lambda rng: autopilot_faults.WingFlight(),
     "lidar_stop": lambda rng: lidar_faults.Stop(),
     "lidar_half": lambda rng: lidar_faults.PacketFault(lidar_faults.Halved()),
     "lidar_stuck": lambda rng: lidar_faults.PacketFault(lidar_faults.Stuck()),
@@ -91,6 +94,7 @@ AT_HEIGHT: tuple[str, ...] = (
     *("gps_loss", "gps_denied", "gps_first_lost", "gps_multipath", "gps_slow_drift", "gps_spoof"),
     *("gps_takeover", "gps_drift", "yaw_drift", "ekf_jump", "estimate_sway", "reboot"),
     *("battery_failsafe", "radio_failsafe", "fence_breach", "lidar_stop"),
+    *("fly_here", "second_companion", "wing_flight"),
 )
 """Faults that `read` can start: those that need neither a faulty link nor a pilot."""
 

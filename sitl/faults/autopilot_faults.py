@@ -150,6 +150,18 @@ class PilotMode(Fault):
             pilot.set_mode(self.mode)
 
 
+class WingFlight(Fault):
+    """Transition of a vehicle that turns out to be a VTOL: straight on at 9.6 m/s, sinking, in any mode."""
+
+    def start(self, simulation: Simulation) -> None:
+        estimate = simulation.autopilot.estimate
+        if estimate is not None:
+            simulation.autopilot.airframe.fly_on(estimate, simulation.now_ns)
+
+    def stop(self, simulation: Simulation) -> None:
+        simulation.autopilot.airframe.hover()
+
+
 def _level(rng: np.random.Generator, length: float) -> F64:
     """Return a horizontal vector of a given length in a random direction."""
     bearing = float(rng.uniform(0.0, 2 * math.pi))

@@ -1,4 +1,4 @@
-"""Other systems on the companion's link: a second vehicle, a second ground station, a gimbal."""
+"""Other systems: beside us on the link, a second vehicle, station or gimbal; elsewhere, other commanders."""
 
 from __future__ import annotations
 
@@ -29,9 +29,10 @@ class _Neighbour(Fault, ABC):
         self._peers: list[Any] = []
         self._next_ns = 0
         self._every_ns = SLOW_NS
+        self._is_heard = True  # by the companion, too
 
     def start(self, simulation: Simulation) -> None:
-        self._peers = simulation.router.peers()
+        self._peers = simulation.router.peers() if self._is_heard else []
         simulation.router.wires.append(self._wire)
         self._next_ns = simulation.now_ns
 
@@ -154,3 +155,54 @@ class Gimbal(_Neighbour):
             mavlink.MAVLink_timesync_message(self._boot_ms * 1_000_000, now_ns),
             mavlink.MAVLink_command_ack_message(mavlink.MAV_CMD_DO_SET_MODE, unasked, 0, 0, OURS, COMPANION),
         ]
+
+
+class FlyHere(_Neighbour):
+    """Ground station on a link of its own, whose operator has the vehicle fly to a place (DO_REPOSITION).
+
+    He taps again and again, a place 15 to 30 m away and 2 m higher. As QGroundControl's, the command changes
+    the mode to GUIDED.
+    """
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        super().__init__(255, mavlink.MAV_COMP_ID_MISSIONPLANNER)
+        self._is_heard = False
+        bearing, away_m = rng.uniform(0.0, 2 * np.pi), rng.uniform(15.0, 30.0)
+        self._offset_m = np.array([away_m * np.sin(bearing), away_m * np.cos(bearing), 2.0])
+        self._place: tuple[float, float, float] | None = None
+
+    def start(self, simulation: Simulation) -> None:
+        super().start(simulation)
+        estimate = simulation.autopilot.estimate
+        if estimate is not None:
+            self._place = simulation.autopilot.lla(estimate.pos_enu_m + self._offset_m)
+
+    def words(self, now_ns: int) -> list[Any]:
+        if self._place is None:
+            return []
+        lat, lon, alt = self._place
+        return [
+            mavlink.MAVLink_command_int_message(
+                OURS, 1, mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_CMD_DO_REPOSITION, 0, 0,
+                -1.0, 1.0, 0.0, float("nan"), round(lat * 1e7), round(lon * 1e7), alt,
+            )
+        ]  # fmt: skip
+
+
+class SecondCompanion(_Neighbour):
+    """Another companion on a link of its own that sends velocities to the vehicle in GUIDED, ten a second."""
+
+    def __init__(self, rng: np.random.Generator) -> None:
+        super().__init__(OURS, 195)
+        self._is_heard, self._every_ns = False, FAST_NS
+        bearing = float(rng.uniform(0.0, 2 * np.pi))
+        self._velocity_ned_ms = (3.0 * float(np.cos(bearing)), 3.0 * float(np.sin(bearing)), 0.0)
+
+    def words(self, now_ns: int) -> list[Any]:
+        mask, nowhere = 0b110111000111, (0.0, 0.0, 0.0)
+        return [
+            mavlink.MAVLink_set_position_target_local_ned_message(
+                now_ns // 1_000_000, OURS, 1, mavlink.MAV_FRAME_LOCAL_NED, mask,
+                *nowhere, *self._velocity_ned_ms, *nowhere, 0.0, 0.0,
+            )
+        ]  # fmt: skip

@@ -17,7 +17,7 @@ COMMITTED_M = 3.0  # from here the rest of the way is shorter than any reaction
 STOPPED_MS = 1.0
 LETS_GO_S, STANDS_BACK_S = 1.5, 2.0
 ON_GROUND_M = 0.3
-BY_PILOT = ("pilot_mode", "pilot_stick")
+BY_PILOT = ("pilot_mode", "pilot_stick", "fly_here", "second_companion", "wing_flight")
 Reaction = Callable[[Flown], str]
 
 
@@ -95,6 +95,16 @@ def lets_go(flight: Flown) -> str:
         return f"still in {late[0].phase} {late[0].t_s - flight['taken_s']:.1f} s after the stick moved it"
     said = any("hands off" in text for text in flight["heard"])
     return "" if said and flight["hands_off"] else "did not say that it gave the vehicle to the pilot"
+
+
+def yields(flight: Flown) -> str:
+    """It commands no more, in words too, once it has seen that it is not the only one; otherwise it goes on.
+
+    Of a place that its next setpoint overwrites within 50 ms it sees every second one.
+    """
+    if not flight["hands_off"]:
+        return lands_or_calls(flight)
+    return "" if any("hands off" in text for text in flight["heard"]) else "did not say so"
 
 
 def stands_back(*lost: str) -> Reaction:
@@ -218,6 +228,9 @@ TABLE: dict[str, Row] = {
     "second_vehicle": _always(goes_on),
     "second_station": _always(goes_on),
     "gimbal": _always(goes_on),
+    "fly_here": _always(yields),
+    "second_companion": _always(yields),
+    "wing_flight": _always(hands_off),
     "lidar_stop": _BLIND,
     "lidar_half": _always(goes_on),
     "lidar_stuck": _always(lands_or_calls),

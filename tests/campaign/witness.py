@@ -113,6 +113,8 @@ class Witness:
             return NOBODY
         if autopilot.failsafes.in_charge:
             return FAILSAFE
+        if autopilot.airframe.on_wing:
+            return PILOT
         return PILOT if autopilot.mode not in OURS or autopilot.navigator.repositioned else NOBODY
 
     def _look_at_the_end(self, taker: str) -> None:

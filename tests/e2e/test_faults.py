@@ -18,6 +18,8 @@ from tests.campaign.plan import Plan, number_of, plan
         pytest.param("lidar_stop", Phase.FINAL, marks=pytest.mark.bench),  # flown in test_landing.py too
         ("ekf_jump", Phase.FINAL),
         ("killed", Phase.DESCEND),
+        ("wing_flight", Phase.APPROACH),
+        pytest.param("second_companion", Phase.SURVEY, marks=pytest.mark.bench),
         ("link_bursts", Phase.APPROACH),
     ],
 )

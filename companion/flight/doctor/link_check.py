@@ -93,9 +93,9 @@ def _stream(stream: Stream, statistics: LinkStatistics) -> Finding:
 
 
 def _rate(stream: Stream, rate_hz: float) -> Finding:
-    needed = stream.rate_hz >= 10.0 or stream.name in ("HEARTBEAT", "EXTENDED_SYS_STATE")
+    needed = stream.needed and (stream.rate_hz >= 10.0 or stream.name in ("HEARTBEAT", "EXTENDED_SYS_STATE"))
     arrives_hz = stream.arrives_hz
-    less = _LESS if stream.needed else "what it tells (mode, estimator, sticks, fence) is seen late"
+    less = _LESS if stream.needed else "what it tells (mode, estimator, sticks, fence, target) is seen late"
     return judged(
         f"rate of {stream.name}",
         rate_hz >= min(SHARE * arrives_hz, arrives_hz - CHANCE_HZ),

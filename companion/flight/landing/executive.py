@@ -74,7 +74,6 @@ class Executive:
         self._p = parameters
         self.state = state = LandingState(parameters, auto)
         self._preconditions = Preconditions()
-        self._asked_up_ms: float | None = None
         self._withdrawal, self._battery = Withdrawal(state), LowBattery(state)
         self._jump, self._class_announcer = PositionJump(state), VehicleClassAnnouncer(state)
         self._late_abort = LateAbort(state)
@@ -342,8 +341,6 @@ class Executive:
         if commands is None:
             commands = self._commands_in[self.phase](s)
         commands = _inside_fence(commands, s)
-        velocity = commands.velocity_enu_ms
-        self._asked_up_ms = None if velocity is None else float(velocity[2])
         if not s.heard:  # the pilot may have chosen another mode meanwhile
             commands = replace(commands, mode=None)
         if commands.mode == "land":
@@ -362,7 +359,6 @@ class Executive:
             s,
             state.aim,
             state.ownership,
-            asked_up_ms=self._asked_up_ms,
             off_point_m=self._p.off_point_m,
             too_windy=state.too_windy(s),
             gps_loss=state.gps_loss,

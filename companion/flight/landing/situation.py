@@ -88,6 +88,8 @@ class Situation:
     unknown. intrusion: what came onto the selected point since the report, or None.
     moving: what moves around the vehicle. no_command_reason: why a vehicle of this type, or in this state
     of flight, must not be commanded; "" if it may. fence: the autopilot's, as far as it is known.
+    asked_enu_ms: velocity of the last step's setpoint as it was sent, None without one. commander: whose
+    target the autopilot follows in its guided mode, "" while it is ours.
     """
 
     now_ns: int
@@ -129,6 +131,8 @@ class Situation:
     moving: tuple[MovingObject, ...] = ()
     no_command_reason: str = ""
     fence: Geofence = NO_FENCE
+    asked_enu_ms: Vector | None = None
+    commander: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -67,7 +67,7 @@ def wanted(autopilot: Autopilot, pose_rate_hz: float, odometry: bool = False) ->
         # ArduPilot does not send it before its estimator has an origin.
         local = Stream("LOCAL_POSITION_NED", mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0, needed=px4)
         streams.insert(3, local)
-    return (*streams, *_health(autopilot))
+    return (*streams, _TARGET, *_health(autopilot))
 
 
 def _health(autopilot: Autopilot) -> tuple[Stream, ...]:
@@ -97,6 +97,11 @@ def expected(autopilot: Autopilot, pose_rate_hz: float, odometry: bool = False) 
     return (*asked, Stream("HEARTBEAT", mavlink.MAVLINK_MSG_ID_HEARTBEAT, PX4_HEARTBEAT_HZ))
 
 
+# As often as our setpoints: what another sender asks in between is flown until the next of ours. ArduPilot
+# sends it in its guided mode alone.
+_TARGET = Stream(
+    "POSITION_TARGET_LOCAL_NED", mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 20.0, needed=False
+)
 _MODE = Stream("HEARTBEAT", mavlink.MAVLINK_MSG_ID_HEARTBEAT, 5.0)
 _PX4_MODE = Stream("CURRENT_MODE", CURRENT_MODE, 5.0, needed=False, steady_hz=PX4_MODE_HZ)
 

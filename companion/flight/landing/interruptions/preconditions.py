@@ -10,6 +10,7 @@ from enum import Enum
 
 from companion.flight.landing.aim import Aim
 from companion.flight.landing.interruptions.gps_loss import GpsLoss
+from companion.flight.landing.interruptions.velocity_following import VelocityFollowing
 from companion.flight.landing.mode_ownership import ModeOwnership
 from companion.flight.landing.situation import Situation
 
@@ -35,6 +36,7 @@ class Precondition(Enum):
     ARMED = "armed, in the air"
     CLASS = "flies as a multirotor or helicopter"
     MODE = "mode set by slz or at the hand-over"
+    COMMANDER = "no other commander"
     ESTIMATE = "estimator trusted"
     NO_FAILSAFE = "no failsafe"
     GPS = "GPS has a fix"
@@ -47,6 +49,7 @@ class Precondition(Enum):
     OVER = "over the point"
     SINKS = "sinks"
     NO_UNASKED_SINK = "does not sink unasked"
+    FOLLOWS = "follows the velocity asked"
     WIND = "gusts up to `max_wind_ms`"
 
 
@@ -77,6 +80,7 @@ TABLE: dict[Precondition, dict[Stage, Reaction]] = {
     Precondition.ARMED: _row(Reaction.ENDS),
     Precondition.CLASS: _row(_OFF),
     Precondition.MODE: _row(_OFF),
+    Precondition.COMMANDER: _row(_OFF, _OFF, _OFF, _NO, _NO, _OFF, _OFF),
     Precondition.ESTIMATE: _row(Reaction.STAND_BACK),
     Precondition.NO_FAILSAFE: _row(Reaction.TELL),
     Precondition.GPS: _row(Reaction.TELL),
@@ -89,6 +93,7 @@ TABLE: dict[Precondition, dict[Stage, Reaction]] = {
     Precondition.OVER: _row(_NO, _NO, Reaction.RETURN, _BREAK, _CALL, _NO, _NO),
     Precondition.SINKS: _row(_NO, _NO, _NO, _BREAK, _CALL, _NO, _NO),
     Precondition.NO_UNASKED_SINK: _row(_CALL, _CALL, _BREAK, _NO, _NO, _CALL, _CALL),
+    Precondition.FOLLOWS: _row(_CALL, _BREAK, _BREAK, _NO, _NO, _CALL, _CALL),
     Precondition.WIND: _row(_WAIT, _BREAK, _BREAK, _BREAK, _NO, _NO, _NO),
 }
 
@@ -103,7 +108,6 @@ PATIENCE_NS = {
     Precondition.STICKS: SECOND // 4,
     Precondition.OVER: SECOND // 2,
     Precondition.SINKS: 3 * SECOND // 2,
-    Precondition.NO_UNASKED_SINK: 3 * SECOND,
 }
 CALL_AGAIN_NS = 30 * SECOND
 REPORTED = (Reaction.CALL, Reaction.TELL, Reaction.HOLD)  # now and then, while the breach lasts
@@ -112,7 +116,6 @@ HELD_US = 150  # from the middle of the pulse: beyond the rest position of any c
 MIDDLE_US = 1500
 CLIMBING_MS = 0.5  # climb rate that the change to LAND does not reach
 MOST_DRIFT_M = 0.8  # in ten seconds; a receiver under a clear sky wanders by a tenth of that
-SINKING_MS = 0.5  # excess over the commanded sink rate
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,6 +137,7 @@ class Preconditions:
         self._rest_us: tuple[int, int] | None = None  # stick positions before the autopilot's landing
         self._landing_since_ns: int | None = None
         self._stage: Stage | None = None
+        self._following = VelocityFollowing()
 
     def breach(
         self,
@@ -142,7 +146,6 @@ class Preconditions:
         aim: Aim,
         ownership: ModeOwnership,
         *,
-        asked_up_ms: float | None,
         off_point_m: float,
         too_windy: str,
         gps_loss: GpsLoss,
@@ -151,8 +154,6 @@ class Preconditions:
 
         Parameters
         ----------
-        asked_up_ms
-            Last commanded vertical speed, None without one.
         off_point_m
             Greatest distance from the point in the autopilot's landing; halved below the commit height.
         too_windy
@@ -161,6 +162,7 @@ class Preconditions:
             Loss of GPS that no odometry makes up for.
         """
         self._follow(stage, s)
+        self._following.update(s)
         broken = self._state(stage, s, ownership)
         if too_windy:
             broken[Precondition.WIND] = too_windy
@@ -170,7 +172,7 @@ class Preconditions:
             broken[Precondition.GPS] = ""
         if s.velocity_enu_ms is not None and Precondition.POSITION not in broken:
             limit_m = off_point_m / 2 if stage is Stage.COMMITTED else off_point_m
-            broken |= _motion(s, float(s.velocity_enu_ms[2]), asked_up_ms, aim.away_m, limit_m)
+            broken |= self._motion(s, float(s.velocity_enu_ms[2]), aim.away_m > limit_m, aim.away_m)
         lasting = [
             precondition for precondition in Precondition if self._lasts(precondition, broken, s.now_ns)
         ]
@@ -195,6 +197,8 @@ class Preconditions:
             self._landing_since_ns = s.now_ns
         if not landing or self._rest_us is None:
             self._rest_us = s.sticks_us
+        if stage is Stage.CLIMB and stage is not self._stage:
+            self._following.restart()
         if stage is not self._stage and not (landing and self._stage in LANDING):
             self._since_ns.clear()  # kept at the commit height, which a landing may cross several times
         self._stage = stage
@@ -209,6 +213,8 @@ class Preconditions:
             broken[Precondition.CLASS] = s.no_command_reason
         if s.connected and ownership.is_taken_away(s):
             broken[Precondition.MODE] = s.mode
+        if s.commander:
+            broken[Precondition.COMMANDER] = s.commander
         if s.estimate_lost:
             broken[Precondition.ESTIMATE] = f"{s.estimate_lost} lost"
         if s.failsafe and not s.estimate_lost:  # one event: it is about to stand back
@@ -224,6 +230,19 @@ class Preconditions:
             broken[Precondition.TARGET] = "target lost"
         if s.position_enu_m is None or s.velocity_enu_ms is None:
             broken[Precondition.POSITION] = "position lost"
+        return broken
+
+    def _motion(self, s: Situation, up_ms: float, is_off: bool, away_m: float) -> dict[Precondition, str]:
+        """Return the preconditions about the vehicle's motion that fail now, with their texts."""
+        broken: dict[Precondition, str] = {}
+        if is_off:
+            broken[Precondition.OVER] = f"{away_m:.1f} m off the point"
+        if s.landing and up_ms > CLIMBING_MS:
+            broken[Precondition.SINKS] = "climbs in landing"
+        if self._following.sinks:
+            broken[Precondition.NO_UNASKED_SINK] = "sinking"
+        if self._following.departs:
+            broken[Precondition.FOLLOWS] = "velocity not followed"
         return broken
 
     def _sticks_moved(self, s: Situation) -> bool:
@@ -248,17 +267,3 @@ class Preconditions:
             return False
         self._reported_ns[precondition] = now_ns
         return True
-
-
-def _motion(
-    s: Situation, up_ms: float, asked_up_ms: float | None, away_m: float, limit_m: float
-) -> dict[Precondition, str]:
-    """Return the preconditions about the vehicle's motion that fail now, with their texts."""
-    broken: dict[Precondition, str] = {}
-    if away_m > limit_m:
-        broken[Precondition.OVER] = f"{away_m:.1f} m off the point"
-    if s.landing and up_ms > CLIMBING_MS:
-        broken[Precondition.SINKS] = "climbs in landing"
-    if s.guided and s.heard and asked_up_ms is not None and up_ms < min(0.0, asked_up_ms) - SINKING_MS:
-        broken[Precondition.NO_UNASKED_SINK] = "sinking"
-    return broken

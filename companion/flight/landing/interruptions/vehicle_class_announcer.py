@@ -1,4 +1,4 @@
-"""Announcement of a vehicle that must not be commanded, and of a VTOL that may be again."""
+"""Announcement of a vehicle that must not be commanded, and that it may be again."""
 
 from __future__ import annotations
 
@@ -20,6 +20,6 @@ class VehicleClassAnnouncer:
             return
         self._reason = s.no_command_reason
         if not self._reason:
-            state.say(Severity.INFO, "VTOL hovers: it may be commanded")
+            state.say(Severity.INFO, "the vehicle may be commanded now")
         elif not before and state.phase not in COMMANDING:
             state.say(Severity.WARNING, f"{self._reason}: mapping only")

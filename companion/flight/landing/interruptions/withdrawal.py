@@ -20,9 +20,12 @@ class Withdrawal:
         self._calm_since_ns: int | None = None  # since then without failsafe
 
     def hands_off(self, breach: Breach, s: Situation) -> VehicleCommands:
-        """Leave control to the pilot, who moved the sticks, set another mode or flies on a wing now."""
+        """Leave control to whoever moved the sticks, set another mode or target, or flies on a wing now."""
         if breach.precondition is Precondition.CLASS:
             text = f"{breach.what}: hands off"
+        elif breach.precondition is Precondition.COMMANDER:
+            text = f"target of {breach.what} flies, not ours: hands off"
+            self._state.hand_over.end()
         elif breach.precondition is Precondition.STICKS:
             text = f"pilot moves the sticks in {s.mode}: hands off"
         else:

@@ -9,6 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl import faults, scenes
+from sitl.autopilot.airframe import Kind
 from sitl.autopilot.modes import Mode
 from sitl.simulation import Simulation
 from sitl.wire.wire import MemoryWire
@@ -132,6 +133,80 @@ def test_a_neighbour_is_heard_by_all_and_changes_nothing(
     assert sim.autopilot.mode is Mode.GUIDED
     assert np.linalg.norm(sim.vehicle.truth.pos_enu_m - before_m) < 0.6
     assert len(sim.router.wires) == 2  # the companion's and the pilot's
+
+
+def targets(end: Station) -> list[Any]:
+    return [m for m in messages(end) if m.get_type() == "POSITION_TARGET_LOCAL_NED"]
+
+
+def asks_for_targets(sim: Simulation, end: Station) -> None:
+    number = mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED
+    interval = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+    end.send(mavlink.MAVLink_command_long_message(1, 1, interval, 0, number, 50_000, 0, 0, 0, 0, 0))
+    sim.run(0.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "mask", "moved_m"), [("fly_here", 0xDF8, 5.0), ("second_companion", 0xC07, 5.0)]
+)
+def test_another_commander_flies_the_vehicle_unheard_and_only_the_target_tells(
+    hovering: tuple[Simulation, Station], name: str, mask: int, moved_m: float
+) -> None:
+    sim, end = hovering
+    asks_for_targets(sim, end)
+    before_m = sim.vehicle.truth.pos_enu_m.copy()
+    end.wire.received.clear()
+    during(sim, fault(name), 5.0)
+    heard = messages(end)
+    assert {(m.get_srcSystem(), m.get_srcComponent()) for m in heard} <= {(1, 1), (255, 190)}
+    assert "COMMAND_INT" not in {m.get_type() for m in heard}
+    assert [m.type_mask for m in heard if m.get_type() == "POSITION_TARGET_LOCAL_NED"][-1] == mask
+    assert np.linalg.norm(sim.vehicle.truth.pos_enu_m - before_m) > moved_m
+
+
+def test_targets_are_sent_in_guided_alone(hovering: tuple[Simulation, Station]) -> None:
+    sim, end = hovering
+    asks_for_targets(sim, end)
+    assert targets(end)[-1].type_mask == 0xDF8  # the take-off's height
+    sim.autopilot.set_mode(Mode.LOITER)
+    sim.run(0.2)
+    end.wire.received.clear()
+    sim.run(1.0)
+    assert targets(end) == []
+    sim.autopilot.set_mode(Mode.GUIDED)
+    sim.run(0.2)
+    (*_, last) = targets(end)
+    assert (last.type_mask, last.vx, last.vy, last.vz) == (0xC07, 0.0, 0.0, 0.0)
+
+
+def test_a_vehicle_on_its_wing_obeys_no_velocity_and_says_what_it_is(
+    hovering: tuple[Simulation, Station],
+) -> None:
+    sim, end = hovering
+    wing = fault("wing_flight")
+    wing.start(sim)
+    sim.run(6.0)
+    states = [m.vtol_state for m in messages(end) if m.get_type() == "EXTENDED_SYS_STATE"]
+    assert states[-1] == mavlink.MAV_VTOL_STATE_FW
+    assert mavlink.MAV_VTOL_STATE_TRANSITION_TO_FW in states
+    east, north, up = sim.vehicle.truth.vel_enu_ms
+    assert np.hypot(east, north) == pytest.approx(9.6, abs=0.5)
+    assert up == pytest.approx(-0.16, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("kind", "mav_type", "state"), [(Kind.MULTIROTOR, 2, 3), (Kind.FIXED_WING, 1, 0), (Kind.VTOL, 22, 3)]
+)
+def test_an_airframe_is_what_its_messages_say(
+    hovering: tuple[Simulation, Station], kind: Kind, mav_type: int, state: int
+) -> None:
+    sim, end = hovering
+    sim.autopilot.airframe.kind = kind
+    sim.run(5.0)
+    speed_ms = float(np.hypot(*sim.vehicle.truth.vel_enu_ms[:2]))
+    assert speed_ms == pytest.approx(9.6 if kind is Kind.FIXED_WING else 0.0, abs=0.5)
+    newest = {m.get_type(): m for m in messages(end) if m.get_srcComponent() == 1}
+    assert (newest["HEARTBEAT"].type, newest["EXTENDED_SYS_STATE"].vtol_state) == (mav_type, state)
 
 
 @pytest.mark.parametrize("name", ["pilot_mode", "lidar_half", "lidar_rain"])

@@ -83,7 +83,7 @@ def test_faults_flights_and_harnesses_are_linked_and_those_named_exist() -> None
 
 def test_every_presumption_of_the_reactions_is_broken_by_a_hazard_and_no_other_is_named() -> None:
     table = rows("Assumptions about the vehicle, by stage")
-    assert len(table) == 16
+    assert len(table) == 18
     assert linked("presumptions") == set(table)
 
 

@@ -99,6 +99,7 @@ class Flight:
         self.blocked_above: Callable[[Flight], bool] = lambda _flight: False
         self.corridors: Callable[[Flight], Corridors | None] = lambda _flight: None
         self.wires: tuple[Wire, ...] = ()
+        self.flown: np.ndarray | None = None  # velocity flown whatever is asked
         self.push = np.zeros(3)  # added to the velocity flown: wind, or another's hand
         self.failsafe = self.breached = self.switched = False
         self.estimate_lost = self.cause = ""
@@ -111,7 +112,8 @@ class Flight:
         self.place_by = "LiDAR"
         self.gps_drift_m = 0.0
         self.sticks_us: tuple[int, int] | None = None
-        self.no_command_reason = ""
+        self.no_command_reason = self.commander = ""
+        self.asked: np.ndarray | None = None
         self.lost = MissingInput.LIDAR_LOST
         self.far_zones: list[Zone] = []
         self.prior_zones: list[Zone] = []
@@ -181,6 +183,8 @@ class Flight:
             moving=self.moving(self),
             fence=self.fence,
             no_command_reason=self.no_command_reason,
+            asked_enu_ms=self.asked,
+            commander=self.commander,
         )
 
     def surface_of_zone(self, point: np.ndarray) -> SurfaceHere:
@@ -199,12 +203,14 @@ class Flight:
             self.selected = commands.select_enu_m
         if self.obeys and commands.mode:
             self.mode = commands.mode.upper()
+        self.asked = None
         if self.mode == "GUIDED" and commands.velocity_enu_ms is not None:
             self.velocity_wanted = self.velocity = commands.velocity_enu_ms.copy()
             if self.blocked(self):
                 self.velocity = self.velocity * [0, 0, 1]
             if self.blocked_above(self):
                 self.velocity[2] = min(0.0, self.velocity[2])
+            self.asked = self.velocity.copy()
             if self.turns and commands.yaw_rad is not None and self.heading_deg is not None:
                 left_deg = math.remainder(math.degrees(commands.yaw_rad) - self.heading_deg, 360)
                 self.heading_deg += max(-TURN_DEGS * STEP_S, min(TURN_DEGS * STEP_S, left_deg))
@@ -212,7 +218,7 @@ class Flight:
             self.velocity = np.array([0.0, 0.0, -1.0 if self.sinks else 0.0])
         elif self.mode not in ("GUIDED", "LAND"):
             self.velocity = np.zeros(3)
-        self.velocity = self.velocity + self.push
+        self.velocity = self.velocity + self.push if self.flown is None else self.flown
         self.position = self.position + self.velocity * STEP_S
         self.position[2] = max(0.0, self.position[2])
         self.time_s += STEP_S

@@ -169,7 +169,7 @@ def test_an_odometry_that_guides_the_autopilot_makes_up_for_gps_until_it_loses_t
 
 @pytest.mark.parametrize("phase", GUIDED_PHASES)
 def test_who_called_the_pilot_begins_nothing_afterwards(phase: Phase) -> None:
-    flight = flown_to(phase)
+    flight = flown_to(phase).run(0.5)
     if phase is Phase.DESCEND:
         return  # a descent that sinks unasked is broken off
     if phase is Phase.APPROACH:

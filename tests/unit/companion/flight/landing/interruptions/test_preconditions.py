@@ -415,12 +415,53 @@ def test_the_jolt_of_the_change_to_land_breaks_nothing_off() -> None:
 
 @pytest.mark.parametrize("phase", [Phase.SURVEY, Phase.APPROACH, Phase.CLIMB, Phase.HOLD])
 def test_a_vehicle_that_sinks_unasked_calls_the_pilot(phase: Phase) -> None:
-    flight = flown_to(phase)
+    flight = flown_to(phase).run(0.5)
     if phase is Phase.APPROACH:  # it waits over the point
         flight.state = lambda _height, _point: PointState.UNKNOWN
     flight.push = np.array([0.0, 0.0, -4.0])
     flight.run(3.5)
     assert flight.texts.count("SLZ: sinking: take over") == 1
+
+
+@pytest.mark.parametrize("phase", [Phase.SURVEY, Phase.HOLD])
+def test_a_slow_sink_calls_the_pilot(phase: Phase) -> None:
+    """0.16 m/s passed for a minute."""
+    flight = flown_to(phase).run(6)
+    flight.flown = np.array([0.0, 0.0, -0.16])
+    flight.run(14)
+    assert flight.texts.count("SLZ: sinking: take over") == 1
+
+
+@pytest.mark.parametrize(
+    ("phase", "reaction"),
+    [
+        (Phase.SURVEY, "SLZ: velocity not followed: take over"),
+        (Phase.APPROACH, "SLZ: abort: velocity not followed"),
+        (Phase.DESCEND, "SLZ: abort: velocity not followed"),
+        (Phase.CLIMB, "SLZ: velocity not followed: take over"),
+        (Phase.HOLD, "SLZ: velocity not followed: take over"),
+    ],
+)
+def test_a_vehicle_that_flies_elsewhere_than_asked_has_a_reaction_in_every_phase(
+    phase: Phase, reaction: str
+) -> None:
+    flight = flown_to(phase).run(0.5)
+    flight.push = np.array([3.0, 5.0, 0.0])
+    flight.run(3.8)
+    assert flight.texts.count(reaction) == 1
+
+
+@pytest.mark.parametrize("phase", GUIDED_PHASES)
+def test_another_s_target_ends_the_commands_and_the_hand_over(phase: Phase) -> None:
+    flight = flown_to(phase)
+    flight.commander = "255/190"
+    flight.run(0.2)
+    flight.commander, flight.velocity = "", np.zeros(3)
+    assert flight.texts.count("SLZ: target of 255/190 flies, not ours: hands off") == 1
+    first = len(flight.commands)
+    flight.run(10)
+    assert silent_since(flight, first)
+    assert flight.executive.phase is Phase.IDLE
 
 
 def test_a_descent_faster_than_asked_is_broken_off() -> None:
@@ -480,7 +521,7 @@ def test_a_vtol_that_flies_on_its_wing_is_left_alone_until_it_is_handed_over_aga
     flight.no_command_reason = ""
     flight.run(10)
     assert silent_since(flight, first)
-    assert "SLZ: VTOL hovers: it may be commanded" in flight.texts
+    assert "SLZ: the vehicle may be commanded now" in flight.texts
     assert f"SLZ: no hand-over: leave {flight.mode}, set it again" in flight.texts
 
 
