@@ -36,7 +36,7 @@ from companion.flight.link.wire.signing import Signing
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mapping.point_watch import PointWatch
 from companion.flight.mapping.recent_obstacles import RecentObstacles
-from companion.flight.mapping.surroundings import Surroundings
+from companion.flight.mapping.vehicle_surroundings import Surroundings
 from companion.flight.mode_requests import ModeRequests
 from companion.flight.outputs.announcers.lidar_announcer import LidarAnnouncer
 from companion.flight.outputs.announcers.odometry_announcer import OdometryAnnouncer

@@ -14,7 +14,7 @@ from companion.flight.landing.look_ahead import LEVEL_M, half_width_m, limit_vel
 from companion.flight.landing.situation import STOPPED, Situation, VehicleCommands
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
-from companion.flight.mapping.surroundings import Surroundings
+from companion.flight.mapping.vehicle_surroundings import Surroundings
 from companion.flight.mode_requests import ModeRequests
 from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.outputs.setpoint import offboard_signal, velocity_setpoint

@@ -14,7 +14,7 @@ from companion.flight.geometry.axes import Floats, level_frd_m
 from companion.flight.geometry.pose import Pose
 from companion.flight.link.link import Link
 from companion.flight.mapping.clearance import BAND_M, band_m, obstacle_points_enu_m
-from companion.flight.mapping.surroundings import FARTHEST_M, Surroundings
+from companion.flight.mapping.vehicle_surroundings import FARTHEST_M, Surroundings
 from companion.flight.outputs.cadence import Cadence
 from companion.flight.outputs.distance_sensor import downward_distance
 from companion.flight.outputs.external_position.odometry_stream import OdometryStream

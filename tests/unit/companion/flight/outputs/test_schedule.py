@@ -22,9 +22,9 @@ from companion.flight.landing.look_ahead import LEVEL_M, limit_velocity
 from companion.flight.link.flight_modes import Autopilot
 from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
-from companion.flight.mapping import surroundings
+from companion.flight.mapping import vehicle_surroundings as surroundings
 from companion.flight.mapping.recent_obstacles import RecentObstacles
-from companion.flight.mapping.surroundings import Surroundings
+from companion.flight.mapping.vehicle_surroundings import Surroundings
 from companion.flight.outputs import schedule
 from companion.flight.outputs.landing_status import Status
 from companion.flight.outputs.map_circle import MapCircle
