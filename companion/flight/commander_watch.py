@@ -75,7 +75,7 @@ class CommanderWatch:
 
     @property
     def is_foreign(self) -> bool:
-        """Whether the vehicle follows another's target in its guided mode, so that we must be silent."""
+        """True if the vehicle follows another's target in its guided mode, so that we must be silent."""
         if not self._link.vehicle.guided:
             self._begin()
         return self._foreign
@@ -96,7 +96,7 @@ class CommanderWatch:
 
     @property
     def _is_ours_known(self) -> bool:
-        """Whether our setpoints arrive, and the autopilot has reported to follow one."""
+        """True if our setpoints arrive, and the autopilot has reported to follow one."""
         fresh = now_ns() - self._last_ns <= PAUSE_NS
         return fresh and self._link.vehicle.guided and self._reported_boot_ms is not None
 

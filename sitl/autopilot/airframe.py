@@ -46,7 +46,7 @@ class Airframe:
 
     @property
     def on_wing(self) -> bool:
-        """Whether it flies on its wing, or is in transition."""
+        """True if it flies on its wing, or is in transition."""
         return self._since_ns is not None
 
     def fly_on(self, estimate: State, now_ns: int) -> None:

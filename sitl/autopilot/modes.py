@@ -47,7 +47,7 @@ class GuidedTarget:
     yaw_rate_rad_s: float | None = None
     stamp_ns: int = 0
     entered: bool = False
-    """Whether it holds the place where GUIDED was entered, which ArduCopter reports as zero velocity."""
+    """True if it holds the place where GUIDED was entered, which ArduCopter reports as zero velocity."""
 
 
 @dataclass(slots=True)

@@ -51,14 +51,14 @@ class Reference:
 
     @property
     def heights(self) -> str:
-        """What heights are counted from, for outputs and errors."""
+        """Vertical datum of heights, for outputs and errors."""
         if self.height_datum == ELLIPSOID:
             return "ellipsoid"
         return self.height_datum or "unknown: the cloud names no datum of its heights"
 
     @property
     def is_ellipsoidal(self) -> bool:
-        """Whether heights are above the ellipsoid, up to 107 m away from mean sea level."""
+        """True if heights are above the ellipsoid, up to 107 m away from mean sea level."""
         return self.height_datum == ELLIPSOID
 
     @property

@@ -67,7 +67,7 @@ class Geofence:
 
     @property
     def is_open(self) -> bool:
-        """Whether there is no fence at all."""
+        """True if there is no fence at all."""
         return not self.boundaries and math.isinf(self.lowest_m) and math.isinf(self.highest_m)
 
     def room_m(self, places_m: F64) -> F64:

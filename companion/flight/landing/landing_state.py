@@ -208,7 +208,7 @@ class LandingState:
 
     @property
     def is_low(self) -> bool:
-        """Whether only dust would be seen of the point, or the landing is committed."""
+        """True if only dust would be seen of the point, or the landing is committed."""
         return self.aim.height_left_m <= self.committed_m
 
     @property
@@ -218,7 +218,7 @@ class LandingState:
 
     @property
     def last_state_holds(self) -> bool:
-        """Whether the last verified state of the point holds: too low to see it, or without GPS."""
+        """True if the last verified state of the point holds: too low to see it, or without GPS."""
         return self.is_low or self.gps_loss.is_on
 
     def way(self, s: Situation) -> Way:

@@ -103,12 +103,12 @@ class Health:
 
     @property
     def fix_lost(self) -> bool:
-        """Whether the receivers had a 3D fix and none has one now."""
+        """True if the receivers had a 3D fix and none has one now."""
         return self.fixless_since_ns is not None
 
     @property
     def gps_lost(self) -> bool:
-        """Whether the estimator must soon fail for want of GPS."""
+        """True if the estimator must soon fail for want of GPS."""
         return self.fix_lost and not self.is_placed_otherwise
 
     def cause(self, now_ns: int) -> str:

@@ -153,7 +153,7 @@ class Link:
 
     @property
     def no_command_reason(self) -> str:
-        """Why the vehicle must not be commanded, empty if it may: its class, or that it ignores us."""
+        """Reason not to command the vehicle (its class, or that it ignores us), empty if it may be."""
         ignored = self.key_mismatch if self.key_mismatch is KeyMismatch.NO_KEY else None
         return self.vehicle.no_command_reason or ("" if ignored is None else ignored.value)
 

@@ -122,7 +122,7 @@ class VehicleState:
 
     @property
     def no_command_reason(self) -> str:
-        """Why this vehicle must not be commanded in its present state of flight, "" if it may.
+        """Reason not to command this vehicle in its present state of flight, "" if it may be.
 
         That a VTOL hovers counts as unknown once it is older than the newest heartbeat by `VTOL_STATE_NS`.
         """

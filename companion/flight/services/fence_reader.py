@@ -80,7 +80,7 @@ class AutopilotFence:
 
     @property
     def needs_home(self) -> bool:
-        """Whether it is relative to home."""
+        """True if it is relative to home."""
         return not all(map(math.isinf, (self.radius_m, self.lowest_m, self.highest_m)))
 
     def geofence(self, frame: LocalFrame, home_lla: tuple[float, float, float] | None) -> Geofence:
@@ -140,12 +140,12 @@ class FenceReader:
 
     @property
     def is_read(self) -> bool:
-        """Whether a reading has ended since the vehicle was found, well or not."""
+        """True if a reading has ended since the vehicle was found, well or not."""
         return self._is_read
 
     @property
     def busy(self) -> bool:
-        """Whether items are being downloaded."""
+        """True if items are being downloaded."""
         return self._download is not None
 
     def is_known(self, vehicle: VehicleState) -> bool:

@@ -28,12 +28,12 @@ class GpsLoss:
 
     @property
     def is_on(self) -> bool:
-        """Whether GPS is lost, from the first report without a fix until it has been back for a while."""
+        """True if GPS is lost, from the first report without a fix until it has been back for a while."""
         return self._since_ns is not None
 
     @property
     def lasts(self) -> bool:
-        """Whether it is more than a report or two without a fix."""
+        """True if it is more than a report or two without a fix."""
         return self._since_ns is not None and self._last_ns - self._since_ns >= PATIENCE_NS
 
     def still_guides(self, now_ns: int) -> bool:

@@ -70,12 +70,12 @@ class VelocityFollowing:
 
     @property
     def sinks(self) -> bool:
-        """Whether the vehicle is far below the heights asked: it sinks, or does not climb."""
+        """True if the vehicle is far below the heights asked: it sinks, or does not climb."""
         return float(self._departure_m[2]) < -LIMIT_M[1]
 
     @property
     def departs(self) -> bool:
-        """Whether the vehicle is far beside, ahead of, behind or above the way asked."""
+        """True if the vehicle is far beside, ahead of, behind or above the way asked."""
         return math.hypot(*self._departure_m[LEVEL]) > LIMIT_M[0] or float(self._departure_m[2]) > LIMIT_M[1]
 
 

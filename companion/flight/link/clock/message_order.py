@@ -37,7 +37,7 @@ class OtherTime:
 
 @dataclass(frozen=True, slots=True)
 class MessageOrder:
-    """What is known of the order of messages.
+    """Order of the messages received so far.
 
     Attributes
     ----------

@@ -86,7 +86,7 @@ class Codec:
 
     @property
     def vehicle_signs(self) -> bool:
-        """Whether the newest frame of the vehicle's autopilot was signed."""
+        """True if the newest frame of the vehicle's autopilot was signed."""
         return self.system_id in self._signers
 
     @property

@@ -17,7 +17,7 @@ class KeyMismatch(Enum):
 
     @property
     def remedy(self) -> str:
-        """What to do, in a sentence."""
+        """Remedy, in a sentence."""
         return _REMEDIES[self]
 
     @staticmethod
