@@ -89,7 +89,7 @@ class Autopilot:
         self.wind = WindEstimator()
         self.navigator = Navigator(self.parameters, self.precland)
         self.airframe = Airframe()
-        self.flown_enu_ms = np.zeros(3)
+        self.target_enu_ms = np.zeros(3)
         self.rally = Rally(self)
         self.failsafes = Failsafes(self)
         self.telemetry = Telemetry(self, self.failsafes)
@@ -367,7 +367,8 @@ class Autopilot:
         velocity = self.navigator.velocity(self.mode, estimate, now_ns, self.range_down_m())
         if self.airframe.kind is Kind.FIXED_WING and not (wants_up or self.airframe.on_wing):
             self.airframe.fly_on(estimate, now_ns)
-        velocity = self.flown_enu_ms = self.airframe.velocity(self._avoid(velocity, estimate), now_ns)
+        velocity = self.target_enu_ms = self._avoid(velocity, estimate)
+        velocity = self.airframe.velocity(velocity, now_ns)
         level = self._without_position()
         if level:
             velocity = np.array([*estimate.vel_enu_ms[:2], velocity[2]])

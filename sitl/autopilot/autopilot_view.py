@@ -40,7 +40,7 @@ class AutopilotView(Protocol):
     wind: WindEstimator
     navigator: Navigator
     airframe: Airframe
-    flown_enu_ms: F64
+    target_enu_ms: F64
 
     @property
     def has_ekf2(self) -> bool: ...

@@ -239,7 +239,7 @@ class Telemetry:
         elif guided.entered:
             position = None
         elif guided.velocity_enu_ms is not None:
-            velocity = ap.flown_enu_ms if position is None else guided.velocity_enu_ms
+            velocity = ap.target_enu_ms if position is None else guided.velocity_enu_ms
         mask = _POSITION_ONLY if guided.velocity_enu_ms is None else _POSITION_AND_VELOCITY
         if position is None:
             mask, position = _VELOCITY_ONLY, np.zeros(3)
