@@ -16,7 +16,7 @@ PACKAGES: Mapping[str, Mapping[str, str]] = {
     "page": {name: name for name in ("fastapi", "starlette", "uvicorn", "websockets")},
     "record": {"foxglove": "foxglove-sdk", "mcap": "mcap", "dpkt": "dpkt"},
     "plots": {"matplotlib": "matplotlib"},
-    "ros": {"rosbags": "rosbags", "zenoh": "eclipse-zenoh", "xxhash": "xxhash"},
+    "ros": {"rosbags": "rosbags", "zenoh": "eclipse-zenoh", "xxhash": "xxhash", "zstandard": "zstandard"},
     "ouster": {"ouster": "ouster-sdk"},
 }
 """Package of every optional module that this program imports, by the extra that installs it."""

@@ -26,7 +26,8 @@ STEP_S = 30.0
 class Ship:
     """What flies: the link and services of a companion, and where a ground station connects.
 
-    station_port: TCP, of the simulator, which forwards. link_port: UDP, of the companion itself.
+    station_port: TCP, of the simulator, which forwards. link_port: UDP, of the companion itself. state: what
+    it remembers.
     """
 
     link: Link
@@ -34,6 +35,7 @@ class Ship:
     services: Services
     station_port: int
     link_port: int
+    state: StateDir
 
 
 @contextlib.asynccontextmanager
@@ -51,13 +53,15 @@ async def ship(
         assert process.stdout is not None
         async with asyncio.timeout(STEP_S):
             ready = json.loads(await process.stdout.readline())
-        settings = Settings(params.build(values), StateDir(state))
+        remembered = StateDir(state)
+        settings = Settings(params.build(values), remembered)
         link = Link(f"udpin:127.0.0.1:{port}", settings.live, signing)
-        services = Services(link, settings, signing, StateDir(state))
+        services = Services(link, settings, signing, remembered)
         tasks = [asyncio.create_task(link.run()), asyncio.create_task(services.run())]
         try:
             await until(lambda: link.connected)
-            yield Ship(link, settings, services, int(ready["mavlink"][1].rpartition(":")[2]), port)
+            station_port = int(ready["mavlink"][1].rpartition(":")[2])
+            yield Ship(link, settings, services, station_port, port, remembered)
         finally:
             await link.close()
             tasks[1].cancel()

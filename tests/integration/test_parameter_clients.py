@@ -42,7 +42,8 @@ async def test_mavsdk_lists_reads_and_sets_and_is_refused(tmp_path: Path) -> Non
             with pytest.raises(Exception, match=r"(?i)wrong|range|failed|error|refus"):
                 await param.set_param_float("SLZ_FINAL_H", 9999.0)
             assert await param.get_param_float("SLZ_FINAL_H") == 20.0
-    stored = (tmp_path / "parameters.toml").read_text("utf-8")
+    stored = flown.state.read("parameters.toml")  # waits for the disk
+    assert stored is not None
     assert stored.splitlines()[1:] == ["final_height_m = 20.0", 'fusing = "max"']
 
 
