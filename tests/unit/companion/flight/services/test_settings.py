@@ -82,9 +82,10 @@ def test_a_value_that_must_not_fly_is_refused_and_the_old_one_kept(
     assert value in refused.reason
     assert settings.stored == settings.running == params.Parameters()
     assert settings.change("odometry", "map").accepted
-    (tmp_path / FILE).write_text(f'{name} = "{value}"\n')  # of an earlier version
+    earlier = StateDir(tmp_path / "earlier")
+    assert earlier.write(FILE, f'{name} = "{value}"\n') == ""
     with pytest.raises(UsageError, match="must not fly.*mend or delete"):
-        load("quadcopter", [], StateDir(tmp_path))
+        load("quadcopter", [], earlier)
 
 
 def test_what_was_set_is_told_and_what_was_refused_is_not() -> None:
