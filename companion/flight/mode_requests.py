@@ -50,7 +50,7 @@ class ModeRequests:
     def _is_wanted(self) -> bool:
         """Tell whether the mode is still wanted: a landing broken off must not come late."""
         phase = self._executive.phase
-        return phase is Phase.FINAL if self._wanted == "land" else phase in COMMANDING
+        return (phase is Phase.FINAL) == (self._wanted == "land") and phase in COMMANDING
 
     def _is_reached(self) -> bool:
         vehicle = self._link.vehicle

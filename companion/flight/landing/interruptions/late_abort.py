@@ -1,13 +1,15 @@
 """Abort that was not carried out in time: the autopilot lands all the same.
 
 A decision has an age. One that could not be sent while the link was out is judged anew when it is back, and
-below the commit height nothing is broken off any more.
+below the commit height one that the autopilot has not obeyed in a second is void.
 """
 
 from __future__ import annotations
 
-from companion.flight.landing.landing_state import LandingState
+from companion.flight.landing.landing_state import SECOND, LandingState
 from companion.flight.landing.situation import Phase, Situation
+
+OBEYS_NS = SECOND  # from the decision, in which the autopilot leaves its landing and its mode shows
 
 
 class LateAbort:
@@ -24,4 +26,5 @@ class LateAbort:
             self._was_silent = False
             return False
         self._was_silent = self._was_silent or not s.heard
-        return s.heard and (state.is_low or (self._was_silent and not state.is_ordered_abort))
+        is_late = state.is_low and s.now_ns - state.since_ns > OBEYS_NS
+        return s.heard and (is_late or (self._was_silent and not state.is_ordered_abort))

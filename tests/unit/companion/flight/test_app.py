@@ -108,6 +108,22 @@ async def test_the_landing_mode_is_asked_for_no_more_once_the_landing_is_broken_
 
 
 @on_simulated_clock
+async def test_the_guided_mode_is_asked_for_no_more_once_the_landing_is_watched_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A try after that would look like a mode of the pilot's, in the last metres."""
+    async with cockpit(monkeypatch) as seat:
+        seat.commands = VehicleCommands(mode="guided")
+        await seat.tick("LAND")
+        seat.commands = VehicleCommands()
+        await seat.tick("LAND")
+        assert not seat.ended
+        seat.companion.executive.state.phase = Phase.FINAL
+        await seat.tick("LAND")
+        assert seat.ended == ["GUIDED"]
+
+
+@on_simulated_clock
 async def test_the_stop_is_the_last_setpoint(monkeypatch: pytest.MonkeyPatch) -> None:
     """ArduPilot flies on for three seconds with the last velocity that it was given."""
     async with cockpit(monkeypatch) as seat:

@@ -69,3 +69,18 @@ def test_an_abort_that_the_autopilot_refuses_ends_at_the_commit_height() -> None
     flight.obeys = True
     flight.fly_to(Phase.LANDED)
     assert flight.mode == "LAND"
+
+
+@pytest.mark.parametrize("delay_s", [0.1, 0.5, 0.9])
+def test_an_abort_just_above_the_commit_height_is_carried_out_though_it_is_obeyed_below(
+    delay_s: float,
+) -> None:
+    flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 1.6)
+    flight.obeys, flight.state = False, lambda _height, _point: PointState.UNSAFE
+    flight.fly_to(Phase.CLIMB).run(delay_s)
+    assert flight.position[2] < 1.5
+    flight.mode = "GUIDED"
+    flight.run(5)
+    assert flight.position[2] > 5
+    assert flight.texts[-1] == "SLZ: abort: point unsafe"
