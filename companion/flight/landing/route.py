@@ -41,7 +41,7 @@ class Route:
     Attributes
     ----------
     highest_m
-        Height up to which the autopilot's fence allows the route, up in the map frame.
+        Height up to which the autopilot's fence allows to climb, up in the map frame.
     """
 
     def __init__(self, parameters: Parameters) -> None:
@@ -113,8 +113,12 @@ class Route:
             self._search(self._middle)
 
     def commands_towards(self, s: Situation, offset_m: Vector, speed_ms: float) -> VehicleCommands:
-        """Return the commands that cover an offset (2,) at the route's height."""
-        climb = level(self.height_m - float(known(s.position_enu_m)[2]), self._p.climb_speed_ms)
+        """Return the commands that cover an offset (2,) at the route's height.
+
+        A vehicle above the ceiling keeps its height: the ground below may be higher than home.
+        """
+        up_m = float(known(s.position_enu_m)[2])
+        climb = level(min(self._height_m, max(self.highest_m, up_m)) - up_m, self._p.climb_speed_ms)
         horizontal = towards(offset_m, speed_ms, known(s.velocity_enu_ms))
         course = course_rad(offset_m) if float(np.hypot(*offset_m)) > TURN_M else None
         yaw = None if course is None else course + math.radians(self._p.crab_deg)

@@ -203,9 +203,9 @@ def test_an_obstacle_is_not_climbed_over_beyond_the_ceiling() -> None:
     assert sum("climbing" in text for text in flight.texts if "ahead" in text) == 1
 
 
-def test_a_ceiling_that_comes_down_brings_the_vehicle_down_and_a_gust_beyond_it_is_no_fault() -> None:
+def test_a_vehicle_above_the_ceiling_keeps_its_height_over_ground_higher_than_home() -> None:
     flight = Flight([], height=30.0)
-    flight.run(10)
-    flight.fence = Geofence(highest_m=20.0)
-    flight.run(30)
-    assert math.isclose(flight.position[2], 20.0, abs_tol=0.5)
+    flight.home_m, flight.fence = -90.0, Geofence(highest_m=-7.0)  # a hill of 90 m, a ceiling of 83 m
+    flight.run(60)
+    assert flight.executive.phase is Phase.SURVEY
+    assert math.isclose(flight.position[2], 30.0, abs_tol=0.5)
