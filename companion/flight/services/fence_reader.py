@@ -129,7 +129,7 @@ class FenceReader:
         self._steps = (False, False)
         self._reader: ParameterReader | None = None
         self._download: FenceDownload | None = None
-        self._values: Mapping[str, float] | None = None
+        self._values: dict[str, float] | None = None
         self._areas: tuple[Area, ...] = ()
         self._areas_known = False
         self._fault = ""
@@ -260,17 +260,19 @@ class FenceReader:
         self._fault = fault
         self._due_ns = now_ns + (RETRY_NS if fault else AGAIN_NS)
 
-    def _complete(self, reader: ParameterReader, has_none: bool) -> Mapping[str, float] | None:
-        """Return the values of a reading, empty for an autopilot without a fence; None if one is missing."""
+    def _complete(self, reader: ParameterReader, has_none: bool) -> dict[str, float] | None:
+        """Return the values of a reading, empty for an autopilot without a fence; None if one is missing.
+
+        One that some versions lack keeps its value of before while it is not answered.
+        """
         autopilot = "px4" if self._identity and self._identity[1] == "px4" else "ardupilot"
         needed, versions = NEEDED[autopilot], VERSIONS[autopilot]
         if needed[0] in reader.absent or (has_none and needed[0] not in reader.values):
             return {}
         if any(name not in reader.values for name in needed):
             return None
-        return versions | {
-            name: reader.values[name] for name in (*needed, *versions) if name in reader.values
-        }
+        read = {name: reader.values[name] for name in (*needed, *versions) if name in reader.values}
+        return versions | (self._values or {}) | read
 
     def _has_unread_areas(self, vehicle: VehicleState) -> bool:
         values = self._values

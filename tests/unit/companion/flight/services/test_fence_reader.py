@@ -299,6 +299,14 @@ def test_a_transfer_of_another_station_makes_it_read_again_when_that_is_over() -
     assert not autopilot.run(6).holds(0, 0)
 
 
+def test_a_parameter_that_some_versions_lack_keeps_its_value_while_it_is_not_answered() -> None:
+    autopilot = Autopilot(ARDUPILOT | {"FENCE_ENABLE": 0, "FENCE_AUTOENABLE": 3, "FENCE_MARGIN_XY": 9}).run(8)
+    autopilot.deaf_to = ("FENCE_AUTOENABLE", "FENCE_MARGIN_XY")
+    assert autopilot.run(40).known
+    assert autopilot.readings() == 2
+    assert [autopilot.holds(east, 0) for east in (48, 50, 100)] == [True, False, False]
+
+
 def test_the_circle_moves_with_home() -> None:
     autopilot = Autopilot(ARDUPILOT).run(5)
     lat, lon, alt = FRAME.lla([100.0, 0.0, 7.0])
