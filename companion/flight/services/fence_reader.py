@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.geometry.geofence import NO_FENCE, Boundary, Geofence
@@ -45,6 +46,7 @@ VERSIONS: dict[str, dict[str, float]] = {
 CEILING, CIRCLE, AREAS, FLOOR = 1, 2, 4, 8  # bits of FENCE_TYPE
 UNION = 2  # bit of FENCE_OPTIONS
 OWN_MARGIN_M = 2.0  # beyond the autopilot's: overshoot of a stop, and wandering of the estimate
+EDGE_DEG, MOST_PARTS = 0.01, 100  # parts of an edge, which bend by centimetres
 AGAIN_NS, RETRY_NS = 30_000_000_000, 10_000_000_000
 QUIET_NS = 5_000_000_000  # after a transfer of another station
 POLYGONS = {
@@ -320,7 +322,24 @@ def _row(name: str) -> Required:
 
 
 def _boundary(area: Area, frame: LocalFrame) -> Boundary:
-    lat, lon = np.array(area.corners_e7, np.float64).T * 1e-7
+    corners_deg = np.array(area.corners_e7, np.float64) * 1e-7
+    lat, lon = (corners_deg if area.radius_m else _along_edges(corners_deg)).T
     return Boundary(
         frame.enu_m(lat, lon, np.full(len(lat), frame.alt_m))[:, :2], area.radius_m, area.inclusion
+    )
+
+
+def _along_edges(corners_deg: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the corners (n, 2) of a polygon, and points between those far apart, latitude and longitude.
+
+    Both autopilots draw edges straight in degrees: one of 20 km to the east bends by 8 m in the map frame.
+    """
+    ways = np.roll(corners_deg, -1, axis=0) - corners_deg
+    ways[:, 1] = (ways[:, 1] + 180) % 360 - 180
+    counts = np.clip(np.ceil(np.abs(ways).max(axis=1) / EDGE_DEG), 1, MOST_PARTS).astype(int)
+    return np.concatenate(
+        [
+            corner + way * np.arange(count)[:, None] / count
+            for corner, way, count in zip(corners_deg, ways, counts, strict=True)
+        ]
     )

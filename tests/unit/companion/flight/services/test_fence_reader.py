@@ -208,6 +208,19 @@ def test_px4_without_an_action_or_a_distance_has_no_circle(changed: dict[str, fl
     assert autopilot.holds(500, 0)
 
 
+@pytest.mark.parametrize("home_lon", [8.0, 179.95])
+def test_edges_are_straight_in_degrees_as_the_autopilots_draw_them(home_lon: float) -> None:
+    """Edges of 20 km: in the map frame the middle of the northern one is 8 m beyond the line of its ends."""
+    frame = LocalFrame(HOME[0], home_lon, HOME[2])
+    north_deg, south_deg = (round(frame.lla([0.0, north, 0.0])[0] * 1e7) for north in (100.0, -100.0))
+    west_e7, east_e7 = (round(((home_lon + part + 180) % 360 - 180) * 1e7) for part in (-0.13, 0.13))
+    corners = [(south_deg, west_e7), (south_deg, east_e7), (north_deg, east_e7), (north_deg, west_e7)]
+    autopilot = Autopilot(PX4, [(INSIDE, 4, *corner) for corner in corners], "px4", home=None).run(5)
+    fence = autopilot.reader.geofence(autopilot.vehicle, frame)
+    rooms_m = fence.room_m(np.array([[0.0, 90.0], [0.0, -90.0], [50.0, 0.0]]))
+    assert rooms_m == pytest.approx([10 - OWN_MARGIN_M, 10 - OWN_MARGIN_M, 100 - OWN_MARGIN_M], abs=0.1)
+
+
 def test_the_point_of_return_is_no_boundary() -> None:
     back = item(mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT, 0, 200, 0)
     assert Autopilot(ARDUPILOT, [back]).run(5).known
