@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
 
-STEP_M = 0.5  # between samples of a way; the room changes by no more than this from one to the next
+STEP_M = 0.5  # between samples of a course, and longest part of a way that is judged by its ends
 SLACK_M = 1e-6
 
 
@@ -87,18 +87,38 @@ class Geofence:
         """Return whether a place (east, north, ...) is inside, horizontally."""
         return bool(self.room_m(place_m)[0] >= 0)
 
+    def holds_landings(self, points_enu_m: F64, above_m: float) -> NDArray[np.bool_]:
+        """Return whether the vehicle may fly over points (k, 3), as low as `above_m` over each, (k,)."""
+        low_m = points_enu_m[:, 2] + above_m
+        is_high_enough = (self.lowest_m <= low_m) & (low_m <= self.highest_m)
+        return np.asarray(is_high_enough & (self.room_m(points_enu_m) >= 0))
+
     def holds_landing(self, point_enu_m: F64, above_m: float) -> bool:
-        """Return whether the vehicle may fly over a point, as low as `above_m` over it."""
-        return self.holds(point_enu_m) and self.lowest_m <= float(point_enu_m[2]) + above_m <= self.highest_m
+        """Return whether the vehicle may fly over one point (3,)."""
+        return bool(self.holds_landings(point_enu_m[None], above_m)[0])
 
     def holds_way(self, from_m: F64, to_m: F64) -> bool:
-        """Return whether a straight way is inside; beyond the margin it must not go farther out."""
+        """Return whether a straight way is inside; beyond the margin it must not go farther out.
+
+        Halves the parts of the way that may leave: the room changes by no more than their length.
+        """
         if not self.boundaries:
             return True
-        offset = np.asarray(to_m)[:2] - np.asarray(from_m)[:2]
-        n_steps = 1 + math.ceil(float(np.hypot(*offset)) / STEP_M)
-        rooms = self.room_m(np.asarray(from_m)[:2] + np.linspace(0, 1, n_steps + 1)[:, None] * offset)
-        return bool(rooms.min() >= min(0.0, float(rooms[0])) - SLACK_M)
+        begins, ends = np.asarray(from_m, np.float64)[None, :2], np.asarray(to_m, np.float64)[None, :2]
+        rooms, end_rooms = self.room_m(begins), self.room_m(ends)
+        least_m = min(0.0, float(rooms[0])) - SLACK_M
+        while len(begins) and (rooms >= least_m).all() and (end_rooms >= least_m).all():
+            lengths = np.hypot(*(ends - begins).T)
+            may_leave = ((rooms + end_rooms - lengths) / 2 < least_m) & (lengths > STEP_M)
+            middles = (begins + ends)[may_leave] / 2
+            middle_rooms = self.room_m(middles) if len(middles) else rooms[:0]
+            begins = np.concatenate([begins[may_leave], middles])
+            ends = np.concatenate([middles, ends[may_leave]])
+            rooms, end_rooms = (
+                np.concatenate([rooms[may_leave], middle_rooms]),
+                np.concatenate([middle_rooms, end_rooms[may_leave]]),
+            )
+        return len(begins) == 0
 
     def limited(self, position_enu_m: F64, velocity_enu_ms: F64, braking_ms2: float) -> F64:
         """Return the velocity (3,) with which the vehicle stops before the margin; its course is kept.

@@ -45,7 +45,7 @@ from companion.flight.landing.situation import (
     Vector,
     VehicleCommands,
 )
-from companion.flight.landing.ways.approach_path import ApproachPath, hover_height_m
+from companion.flight.landing.ways.approach_path import ApproachPath
 from companion.flight.landing.ways.way_choice import paths
 from companion.flight.landing.zone_choice import must_be_confirmed
 from params import Parameters
@@ -175,13 +175,7 @@ class Executive:
 
     def zones_beyond_fence(self, situation: Situation) -> list[int]:
         """Return the IDs of the zones whose best point is beyond the autopilot's fence."""
-        report, fence = situation.report, situation.fence
-        if report is None or fence.is_open:
-            return []
-        prior = () if report.prior is None else report.prior.zones
-        lowest_m = hover_height_m(self._p)
-        zones = (*report.near.zones, *report.far.zones, *prior)
-        return [zone.id for zone in zones if not fence.holds_landing(zone.best.enu_m, lowest_m)]
+        return sorted(self.state.zones_beyond_fence(situation))
 
     # ---- operator -------------------------------------------------------------------------------
 

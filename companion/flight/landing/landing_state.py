@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from companion.flight.geometry.geofence import Geofence
 from companion.flight.landing.aim import Aim
 from companion.flight.landing.hand_over import HandOver
 from companion.flight.landing.interruptions.crossing import crossing
@@ -29,7 +30,7 @@ from companion.flight.landing.wind.into_wind import IntoWind
 from companion.flight.landing.wind.wind_limit import WindLimit
 from companion.flight.landing.zone_choice import must_be_confirmed, soonest
 from params import Parameters
-from slz import Corridors, PointState, Zone
+from slz import Corridors, PointState, Report, Zone
 from slz.landing_point.corridors import corridor_radius_m
 from slz.wires.detected_wire import nearest_wire
 
@@ -96,6 +97,7 @@ class LandingState:
         self.level_since_ns: int | None = None
         self.told_to_hand_over_ns: int | None = None
         self._wind_reported_ns: int | None = None
+        self._beyond: tuple[Report, Geofence, frozenset[int]] | None = None  # and the zones beyond it
         self._texts: list[tuple[Severity, str]] = []
 
     # ---- texts ----------------------------------------------------------------------------------
@@ -250,9 +252,22 @@ class LandingState:
         here = s.position_enu_m
         return "" if here is None or s.fence.holds_way(here, enu_m) else f"way to {name}"
 
+    def zones_beyond_fence(self, s: Situation) -> frozenset[int]:
+        """Return the IDs of the zones whose best point is beyond the autopilot's fence; once a report."""
+        report, fence = s.report, s.fence
+        if report is None or fence.is_open:
+            return frozenset()
+        if self._beyond is None or self._beyond[0] is not report or self._beyond[1] is not fence:
+            prior = () if report.prior is None else report.prior.zones
+            zones = (*report.near.zones, *report.far.zones, *prior)
+            points = np.array([zone.best.enu_m for zone in zones]).reshape(-1, 3)
+            held = fence.holds_landings(points, hover_height_m(self.parameters))
+            self._beyond = report, fence, frozenset(zones[k].id for k in np.flatnonzero(~held))
+        return self._beyond[2]
+
     def is_inside_fence(self, s: Situation, zone: Zone) -> bool:
         """Return whether a zone's best point, and the way there, are inside the autopilot's fence."""
-        return not self.beyond_fence(s, zone.best.enu_m)
+        return zone.id not in self.zones_beyond_fence(s) and not self.beyond_fence(s, zone.best.enu_m)
 
     def aim_is_beyond_fence(self, s: Situation) -> bool:
         """Return whether the autopilot's fence, as it is now, leaves the point out that is flown to."""

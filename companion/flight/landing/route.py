@@ -21,7 +21,7 @@ AT_CORNER_M = 3.0
 LEGS_APART = (
     1.6  # times what is seen to each side: up to the mapping reach, at most within 45 degrees of the nadir
 )
-MOST_SKIPPED = 64  # corners beyond the fence in a row, after which the vehicle stays
+MOST_SKIPPED = 8  # corners beyond the fence in a step, after which the vehicle stays until the next one
 TURN_M = 6.0  # within this distance the heading is kept
 
 

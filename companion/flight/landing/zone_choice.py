@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
+from operator import itemgetter
 
 import numpy as np
 
@@ -102,13 +103,12 @@ def soonest(
             for zone in zones
             if _usable(zone, refused_enu_m, certainty)
             and must_be_confirmed(zone.best.surface, parameters) is confirm
-            and inside(zone)
         ]
-        if timed:
-            seconds, zone = min(timed, key=lambda one: one[0])
-            if seconds <= limit_s and math.isfinite(seconds):
-                return zone, seconds
-            left.append((seconds, zone))
+        found = next((one for one in sorted(timed, key=itemgetter(0)) if inside(one[1])), None)
+        if found is not None:
+            if found[0] <= limit_s and math.isfinite(found[0]):
+                return found[1], found[0]
+            left.append(found)
     if not left:
         return None
     seconds, zone = min(left, key=lambda one: one[0])

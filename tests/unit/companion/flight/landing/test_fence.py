@@ -124,6 +124,40 @@ def test_a_fence_that_is_drawn_around_less_breaks_the_landing_off(phase: Phase) 
     assert abs(flight.position[0] + 6) < 1
 
 
+def test_the_cost_of_a_step_does_not_grow_with_the_zones_beyond(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each point asked for costs up to half a millisecond, in the loop that sends the setpoints."""
+    asked, room_m = [], Geofence.room_m
+
+    def counted(self: Geofence, places_m: np.ndarray) -> np.ndarray:
+        asked.append(len(np.atleast_2d(places_m)))
+        return room_m(self, places_m)
+
+    monkeypatch.setattr(Geofence, "room_m", counted)
+    flight = Flight([zone(k, 40 + k, 0) for k in range(1, 65)])
+    flight.prior_zones = [zone(100_000 + k, 40 + k, 9) for k in range(1, 1001)]
+    flight.fence = circle(25)
+    flight.run(10)
+    asked.clear()
+    flight.step()
+    situation = flight.situation()
+    assert flight.executive.emergency(situation) is None
+    assert len(flight.executive.zones_beyond_fence(situation)) == 1064
+    assert len(asked) < 12
+
+
+def test_a_way_is_judged_as_by_all_its_places() -> None:
+    rng, judged = np.random.default_rng(5), []
+    triangle = Boundary(np.array([(0, 0), (40, 5), (20, 30)], float), 0.0, False)
+    fence = Geofence(Boundary(np.zeros((1, 2)), 70.0, True), (triangle,), margin_m=MARGIN_M)
+    for begin, end in rng.uniform(-80, 80, (300, 2, 2)):
+        rooms = fence.room_m(begin + np.linspace(0, 1, 4000)[:, None] * (end - begin))
+        left_m = rooms.min() - min(0.0, rooms[0])
+        if left_m >= 0 or left_m < -0.2:
+            judged.append(bool(left_m >= 0))
+            assert fence.holds_way(begin, end) is judged[-1]
+    assert 50 < sum(judged) < len(judged) - 50
+
+
 # ---- ways -----------------------------------------------------------------------------------------
 
 
