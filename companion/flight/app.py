@@ -141,6 +141,22 @@ class Companion:
         self._aids_autopilot = parameters.odometry == "autopilot"
         self.fence = FenceReader()
         self.fitness = Fitness(auto, lambda: self._aids_autopilot, self.fence)
+        self._build_map(None if prior is None else _surveyed(prior, parameters))
+        self._open_sensors(lidar_url, radar_url, ros2, ros2_odometry, state)
+        ranges = lidar_url.partition(":")[0] != "mavlink"  # else they would come back as what was sent
+        self._build_landing(signing, state, ranges=ranges)
+        self.maps: TerrainMaps | None = None
+        self.summary: dict[str, Any] = {}
+        self.on_ready: Event[[]] = Event()
+        self._stop = asyncio.Event()
+        self._record_into, self._foxglove_port = record, foxglove_port
+        self.live: LiveView | None = None
+        self.page = None if front is None else _page(self, front)
+        self.ros_node = None if self.ros is None else _ros_node(self, self.ros)
+
+    def _build_map(self, surveyed: SurveyPrior | None) -> None:
+        """Build the pipeline, and what is known beside its reports."""
+        parameters = self.parameters
         self.specks = SpeckDetector()
         self.obstacles = RecentObstacles(self.specks)
         self.surroundings = Surroundings(self.obstacles, parameters)
@@ -151,7 +167,6 @@ class Companion:
                 self.surroundings, self.page,
             ),
         )  # fmt: skip
-        surveyed = None if prior is None else _surveyed(prior, parameters)
         self.worker = PipelineWorker(self.settings.running, self._reports.on_report, surveyed)
         self.settings.on_change.subscribe(lambda *_: self.worker.use(self.settings.running))
         self.worker.on_invalid.subscribe(self._reports.on_invalid)
@@ -159,6 +174,17 @@ class Companion:
             self.link, self.history, self.worker, self.executive, self.obstacles, self.watch,
             lambda: self.assembler.scans, lambda: (self.recordings.recorder, self.live, self.ros_node),
         )  # fmt: skip
+
+    def _open_sensors(
+        self,
+        lidar_url: str,
+        radar_url: str | None,
+        ros2: ZenohUrl | None,
+        ros2_odometry: OdometryTopic | None,
+        state: StateDir | None,
+    ) -> None:
+        """Open LiDAR, radar and odometry, and the recordings of what they send."""
+        parameters = self.parameters
         wall_offset_ns = WallOffset()
         self.ros = None if ros2 is None else RosSession(ros2)
         told = None if ros2_odometry is None else self._open_external(ros2_odometry, wall_offset_ns)
@@ -184,24 +210,17 @@ class Companion:
             self.link, self.lidar.stream, self.worker, self.settings, wall_offset_ns, state,
             lambda: self.assembler.scans, told,
         )  # fmt: skip
+
+    def _build_landing(self, signing: Signing | None, state: StateDir | None, *, ranges: bool) -> None:
+        """Build what decides and commands, and the services and messages of the link."""
+        parameters = self.parameters
         commanders = CommanderWatch(self.link)
         self.situations = SituationSource(
-            parameters,
-            self.link,
-            self.history,
-            self.worker,
-            self.lidar,
-            self.radar,
-            self.fitness,
-            self.wind,
-            self.watch,
-            commanders,
-            self.odometry,
-            self.fence,
-        )
+            parameters, self.link, self.history, self.worker, self.lidar, self.radar, self.fitness, self.wind,
+            self.watch, commanders, self.odometry, self.fence,
+        )  # fmt: skip
         self.feed.on_scan.subscribe(self.situations.on_scan)
         self.feed.on_new_map.subscribe(self.situations.on_new_map)
-        ranges = lidar_url.partition(":")[0] != "mavlink"  # else they would come back as what was sent
         self.streams = MessageSchedule(
             self.link, self.history, self.surroundings, parameters,
             lambda: landing_status(self, self.situations.report_now()), ranges=ranges,
@@ -226,14 +245,6 @@ class Companion:
             lambda: None if self.page is None else self.page.board.clear_path(),
         )  # fmt: skip
         self.watch.on_intrusion.subscribe(self.decisions.hurry)
-        self.maps: TerrainMaps | None = None
-        self.summary: dict[str, Any] = {}
-        self.on_ready: Event[[]] = Event()
-        self._stop = asyncio.Event()
-        self._record_into, self._foxglove_port = record, foxglove_port
-        self.live: LiveView | None = None
-        self.page = None if front is None else _page(self, front)
-        self.ros_node = None if self.ros is None else _ros_node(self, self.ros)
 
     @property
     def report(self) -> Report | None:
