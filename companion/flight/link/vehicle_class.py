@@ -39,6 +39,8 @@ def no_command_reason(autopilot: Autopilot, vehicle_type: int, vtol_state: int |
         if vtol_state in VTOL_STATES or vehicle_type in VTOL_TYPES:
             return "ArduPlane"
         return "" if vehicle_type in COPTER_TYPES else type_name(vehicle_type)
+    if autopilot != "px4":  # its modes and what it does with a setpoint are unknown
+        return "unknown autopilot"
     is_vtol = vtol_state not in (None, NO_VTOL)
     if not is_vtol and vehicle_type not in VTOL_TYPES:
         return "" if vehicle_type in ROTARY_WINGS else type_name(vehicle_type)

@@ -42,7 +42,8 @@ WINGED = "VTOL in fixed-wing flight"
         ("px4", 11, UNDEFINED, "surface boat"),
         ("px4", 5, UNDEFINED, "antenna tracker"),
         ("px4", 0, UNDEFINED, "generic"),
-        ("other", 200, None, "type 200"),
+        ("px4", 200, None, "type 200"),
+        ("other", QUADROTOR, MC, "unknown autopilot"),
     ],
 )  # fmt: skip
 def test_what_flies_as_a_multirotor_or_helicopter_may_be_commanded(
