@@ -143,6 +143,10 @@ class Rally:
         """Whether a transfer is in progress."""
         return self._transfer is not None
 
+    def is_quiet(self, now_ns: int) -> bool:
+        """Return whether neither this nor, as far as heard, another station transfers anything."""
+        return not self.busy and not self._others_are_at_it(now_ns)
+
     def poll(
         self, now_ns: int, wanted: tuple[RallyPoint, ...] | None, vehicle: int, us: tuple[int, int]
     ) -> list[Any]:

@@ -153,9 +153,10 @@ class Services:
         self._send_mission(self.rally.poll(now_ns(), self._wanted_points(), link.vehicle.sysid, us))
 
     def _read_fence(self) -> None:
-        link = self._link
-        us = (link.system_id, link.component_id)
-        for message in self.fence.poll(now_ns(), link.vehicle, link.connected, us, quiet=not self.rally.busy):
+        """Read the fence while nobody else transfers: PX4 may break a station's upload off for it."""
+        link, at_ns = self._link, now_ns()
+        us, quiet = (link.system_id, link.component_id), self.rally.is_quiet(at_ns)
+        for message in self.fence.poll(at_ns, link.vehicle, link.connected, us, quiet=quiet):
             link.send(message)
 
     def _wanted_points(self) -> tuple[RallyPoint, ...] | None:

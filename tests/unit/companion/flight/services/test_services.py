@@ -11,6 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 import params
 from companion.flight.link.link import Link
@@ -19,8 +20,10 @@ from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.link.wire.signing import MARGIN_TICKS, Signing, wall_ticks
 from companion.flight.services.services import RALLY_FILE, SIGNING_FILE, Services, start_signing
 from companion.flight.services.settings import Settings
+from companion.runtime.clock import now_ns
 from companion.runtime.state_directory import StateDir
 from slz import LandingPoint, LocalFrame, SurfaceHere
+from tests.unit.companion.flight.link.messages import received
 
 
 def test_signing_goes_on_from_the_timestamp_that_was_kept(tmp_path: Path) -> None:
@@ -104,6 +107,19 @@ async def test_points_are_wanted_while_armed_and_switched_on_and_none_are_touche
     assert await wanted(served) is None
     link.vehicle = VehicleState(sysid=1, position_lla=(47.0, 8.0, 400.0), relative_alt_m=0.0)
     assert await wanted(served) == ()
+
+
+async def test_the_fence_is_not_read_while_another_station_transfers(monkeypatch: pytest.MonkeyPatch) -> None:
+    served, _, link = services()
+    quiets: list[bool] = []
+    monkeypatch.setattr(served.fence, "poll", lambda *_, quiet: quiets.append(quiet) or [])
+    await wanted(served)
+    count = received(
+        mavlink.MAVLink_mission_count_message(1, 1, 4, mavlink.MAV_MISSION_TYPE_MISSION), 255, 190
+    )
+    served.rally.on_message(count, now_ns(), link.vehicle.sysid, (link.system_id, link.component_id))
+    await wanted(served)
+    assert quiets == [True, False]
 
 
 def test_points_of_an_earlier_run_are_read_and_a_broken_line_is_left_out(
