@@ -149,6 +149,7 @@ class Estimator:
         off = self._smooth + self._white * draw[9:]
         aiding = self._aiding
         aiding.update(dt_s)
+        aiding.height.update(dt_s)
         turn = np.array([1.0, off[6] / 2, off[7] / 2, off[8] / 2])
         turn /= np.sqrt(float(turn @ turn))
         fall = aiding.acceleration_error_enu_ms2
@@ -161,6 +162,8 @@ class Estimator:
             turn = multiply(from_euler(0.0, 0.0, aiding.heading_error_rad), turn)
         position = state.pos_enu_m + off[0:3] + self.jump_enu_m + aiding.offset_enu_m
         velocity = state.vel_enu_ms + off[3:6] + aiding.velocity_error_enu_ms
+        position[2] += aiding.height.offset_up_m
+        velocity[2] += aiding.height.velocity_error_up_ms
         if not self._drift.is_off:
             self._drift.update(dt_s, state)
             position, velocity = position + self._drift.position_enu_m, velocity + self._drift.velocity_enu_ms

@@ -20,6 +20,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl.autopilot.aiding.external_navigation import DEFAULTS as EXTERNAL_DEFAULTS
 from sitl.autopilot.aiding.external_navigation import ExternalNavigation, ExternalPose
 from sitl.autopilot.aiding.gnss_receiver import GnssReceiver
+from sitl.autopilot.aiding.height_aiding import HeightAiding
 from sitl.autopilot.aiding.inertial_filter import (
     POSITION,
     TILT,
@@ -102,6 +103,8 @@ class PositionAiding:
     ----------
     gnss
         The receiver.
+    height
+        Height by the barometer.
     sources
         Source sets.
     external
@@ -123,7 +126,7 @@ class PositionAiding:
 
     def __init__(self, parameters: dict[str, float] | None = None) -> None:
         known = SOURCE_DEFAULTS | EXTERNAL_DEFAULTS if parameters is None else parameters
-        self.gnss = GnssReceiver()
+        self.gnss, self.height = GnssReceiver(), HeightAiding()
         self.sources = SourceSets(known)
         self.external: ExternalReceiver = ExternalNavigation(known)
         self._heading = HeadingAiding()

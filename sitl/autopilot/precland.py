@@ -59,6 +59,8 @@ class PrecisionLanding:
         body = np.array([message.x, message.y, message.z], np.float64)
         if not message.distance > 0 or not np.isfinite([*body, message.distance]).all() or not self._poses:
             return None
+        if message.frame == BODY_FRD and not body[2] > 0:
+            return None  # not below: no measurement (AC_PrecLand, target_vec_valid)
         if message.time_usec == self._last_stamp:
             return None
         self._last_stamp = message.time_usec

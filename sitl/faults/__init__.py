@@ -38,6 +38,7 @@ _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "link_corruption": lambda rng: link_faults.LinkFault(link_faults.Corruption()),
     "reboot": lambda rng: autopilot_faults.Reboot(),
     "ekf_jump": autopilot_faults.EstimateJump,
+    "baro_jump": autopilot_faults.BarometerJump,
     "gps_drift": autopilot_faults.EstimateDrift,
     "estimate_sway": autopilot_faults.EstimateSway,
     "autopilot_held_up": autopilot_faults.ClockStall,
@@ -84,6 +85,7 @@ _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
 SIZED: dict[str, Callable[[np.random.Generator, float], Fault]] = {
+    "baro_jump": autopilot_faults.BarometerJump,
     "gps_slow_drift": gps_faults.GpsSlowDrift,
     "gps_spoof": gps_faults.GpsSpoof,
     "gps_takeover": gps_faults.GpsTakeover,
@@ -92,7 +94,7 @@ SIZED: dict[str, Callable[[np.random.Generator, float], Fault]] = {
 """Faults that take a size: a rate in m/s or degrees per second, a distance in m."""
 AT_HEIGHT: tuple[str, ...] = (
     *("gps_loss", "gps_denied", "gps_first_lost", "gps_multipath", "gps_slow_drift", "gps_spoof"),
-    *("gps_takeover", "gps_drift", "yaw_drift", "ekf_jump", "estimate_sway", "reboot"),
+    *("gps_takeover", "gps_drift", "yaw_drift", "ekf_jump", "baro_jump", "estimate_sway", "reboot"),
     *("battery_failsafe", "radio_failsafe", "fence_breach", "lidar_stop"),
     *("fly_here", "second_companion", "wing_flight"),
 )

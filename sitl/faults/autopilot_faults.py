@@ -19,6 +19,7 @@ F64 = NDArray[np.float64]
 
 REBOOT_S = 2.0
 JUMP_M = 5.0
+BAROMETER_M = 3.0
 DRIFT_MS, DRIFT_M = 0.3, 5.0
 TICK_LIMIT_S = 0.1
 SWAY_M, SWAY_S = (0.05, 0.1), (1.2, 2.5)
@@ -47,6 +48,23 @@ class EstimateJump(Fault):
     def start(self, simulation: Simulation) -> None:
         simulation.estimator.jump_enu_m = simulation.estimator.jump_enu_m + self._jump_enu_m
         simulation.autopilot.follow_reset(self._jump_enu_m)
+
+
+class BarometerJump(Fault):
+    """Step of the barometer, by 3 m up or down by default, until the fault ends: the estimate slides to it.
+
+    size_m: of the measured height, positive is up.
+    """
+
+    def __init__(self, rng: np.random.Generator, size_m: float | None = None) -> None:
+        drawn_m = BAROMETER_M * (1 if rng.random() < 0.5 else -1)
+        self._size_m = drawn_m if size_m is None else size_m
+
+    def start(self, simulation: Simulation) -> None:
+        simulation.autopilot.aiding.height.barometer_error_m = self._size_m
+
+    def stop(self, simulation: Simulation) -> None:
+        simulation.autopilot.aiding.height.barometer_error_m = 0.0
 
 
 class EstimateDrift(Fault):

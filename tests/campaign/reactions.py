@@ -209,6 +209,7 @@ TABLE: dict[str, Row] = {
     "link_corruption": _always(lands_or_calls),
     "reboot": _always(lands),
     "ekf_jump": _always(lands),
+    "baro_jump": _always(goes_on),
     "gps_drift": _always(lands),
     "estimate_sway": _always(lands),
     "autopilot_held_up": _always(lands_or_calls),

@@ -124,6 +124,7 @@ def test_a_measurement_is_placed_with_the_pose_of_its_own_time() -> None:
         seen(5, distance=-1.0),
         seen(5, (float("nan"), 0.0, 10.0), distance=10.0),
         seen(5, (0.0, float("inf"), 10.0), distance=10.0),
+        seen(5, (0.2, 0.0, -0.1), distance=0.2),  # not below: AC_PrecLand, target_vec_valid
     ],
 )
 def test_targets_without_a_usable_position_are_dropped_silently(

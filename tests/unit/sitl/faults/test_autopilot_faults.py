@@ -93,6 +93,32 @@ def test_a_drifting_estimate_draws_the_vehicle_with_it_and_ends_at_five_metres(
     assert np.hypot(*(moved_m + sim.estimator.jump_enu_m)[:2]) < 0.8
 
 
+@pytest.mark.parametrize("size_m", [3.0, -3.0])
+def test_the_estimate_slides_to_a_barometer_that_jumped_and_back(
+    hovering: tuple[Simulation, Station], size_m: float
+) -> None:
+    """Most of it against its own vertical velocity; an autopilot that holds its height flies it back."""
+    sim, _ = hovering
+
+    def error_m() -> float:
+        assert sim.autopilot.estimate is not None
+        return float(sim.autopilot.estimate.pos_enu_m[2] - sim.vehicle.truth.pos_enu_m[2])
+
+    before_m, before_up_m = error_m(), float(sim.vehicle.truth.pos_enu_m[2])
+    jump = faults.build("baro_jump", np.random.default_rng(1), size_m)
+    jump.start(sim)
+    assert error_m() == before_m
+    sim.run(1.0)
+    assert abs(sim.autopilot.aiding.height.velocity_error_up_ms) == pytest.approx(0.5, abs=0.1)
+    assert (error_m() - before_m) / size_m == pytest.approx(0.72, abs=0.05)
+    sim.run(1.0)
+    assert (error_m() - before_m) / size_m == pytest.approx(0.98, abs=0.05)
+    assert (sim.vehicle.truth.pos_enu_m[2] - before_up_m) / size_m < -0.5
+    jump.stop(sim)
+    sim.run(8.0)
+    assert error_m() == pytest.approx(before_m, abs=0.1)
+
+
 def test_a_swaying_height_is_about_the_truth_and_ends_with_the_fault(
     hovering: tuple[Simulation, Station],
 ) -> None:
