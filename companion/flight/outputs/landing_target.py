@@ -20,7 +20,7 @@ from companion.flight.link.clock.message_order import boot_step_ms
 from companion.flight.link.vehicle_state import VehicleState
 from slz.frame import LocalFrame
 
-# ArduPilot drops a target at distance zero silently.
+# ArduPilot drops a target at distance zero, or not below the vehicle, silently.
 LEAST_DISTANCE_M = 0.01
 # Local and global position farther apart in time do not determine the local origin.
 PAIR_MS = 200
@@ -60,6 +60,7 @@ def landing_target(
         return None
     body = body_frd_m(point, pose)
     if vehicle.autopilot != "px4":
+        body = _below(body, pose)
         return _message(mavlink.MAV_FRAME_BODY_FRD, body, body, now_ns)
     origin = None if frame is None else local_origin_enu_m(frame, vehicle)
     if origin is None:
@@ -69,11 +70,16 @@ def landing_target(
     return _message(mavlink.MAV_FRAME_LOCAL_NED, np.array([north, east, -up]), body, now_ns)
 
 
+def _below(body_m: Floats, pose: PoseLike) -> Floats:
+    """Return a body vector (3,) to a place below the vehicle, lowered to there: the ground is never above."""
+    down = -pose.rotation_enu_from_frd[2]
+    short_m = LEAST_DISTANCE_M - float(body_m[2])
+    return body_m if short_m <= 0 or down[2] <= 0 else np.asarray(body_m + down * (short_m / down[2]))
+
+
 def _message(frame: int, target_m: Floats, body_m: Floats, now_ns: int) -> Any:
     forward, right, down = (float(value) for value in body_m)
     x, y, z = (float(value) for value in target_m)
-    if frame == mavlink.MAV_FRAME_BODY_FRD and math.hypot(x, y, z) < LEAST_DISTANCE_M:
-        x, y, z = 0.0, 0.0, LEAST_DISTANCE_M  # at the point: straight below
     return mavlink.MAVLink_landing_target_message(
         max(1, now_ns // 1000),
         0,

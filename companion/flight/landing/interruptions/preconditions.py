@@ -89,7 +89,7 @@ TABLE: dict[Precondition, dict[Stage, Reaction]] = {
     Precondition.DRIFT: _row(Reaction.TELL),
     Precondition.STICKS: _row(_NO, _NO, _NO, _OFF, _OFF, _NO, _NO),
     Precondition.POSITION: _row(_HOLD, _HOLD, _BREAK, _BREAK, _NO, _HOLD, _HOLD),
-    Precondition.TARGET: _row(_NO, _NO, _NO, _BREAK, _CALL, _NO, _NO),
+    Precondition.TARGET: _row(_NO, _NO, _NO, _BREAK, _NO, _NO, _NO),  # committed: it lands straight down
     Precondition.OVER: _row(_NO, _NO, Reaction.RETURN, _BREAK, _CALL, _NO, _NO),
     Precondition.SINKS: _row(_NO, _NO, _NO, _BREAK, _CALL, _NO, _NO),
     Precondition.NO_UNASKED_SINK: _row(_CALL, _CALL, _BREAK, _NO, _NO, _CALL, _CALL),

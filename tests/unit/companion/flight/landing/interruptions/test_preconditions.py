@@ -406,6 +406,15 @@ def test_a_landing_that_climbs_is_broken_off() -> None:
 
 def test_the_jolt_of_the_change_to_land_breaks_nothing_off() -> None:
     flight = flown_to(Phase.FINAL)
+def test_a_target_lost_below_the_commit_height_calls_nobody() -> None:
+    """The autopilot lands straight down without it, and the vehicle is over the point."""
+    flight = flown_to(Phase.FINAL).until(lambda f: f.position[2] < 1.0)
+    flight.target_lost_ns = flight.now_ns
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 0
+    assert not [text for text in flight.texts if "take over" in text]
+
+
     flight.push = np.array([0.0, 0.0, 1.8])
     flight.run(1)
     flight.push = np.zeros(3)
