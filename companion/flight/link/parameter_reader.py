@@ -32,6 +32,13 @@ def parameter_value(message: Any, bytewise: bool) -> float:
     return float(message.param_value)
 
 
+def parameter_request(system: int, name: str) -> Any:
+    """Return the PARAM_REQUEST_READ of a parameter of the autopilot."""
+    return mavlink.MAVLink_param_request_read_message(
+        system, mavlink.MAV_COMP_ID_AUTOPILOT1, name.encode(), -1
+    )
+
+
 class ParameterReader:
     """Reader that requests parameters one by one and stores their values.
 
@@ -76,13 +83,7 @@ class ParameterReader:
         chosen = due[: max(0, AT_ONCE - len(under_way))]
         for name in chosen:
             self._asked[name] = (self._tries(name) + 1, now_ns)
-        return [
-            mavlink.MAVLink_param_request_read_message(
-                system, mavlink.MAV_COMP_ID_AUTOPILOT1, name.encode(), -1
-            )
-            for name in chosen
-            if self._tries(name) <= TRIES
-        ]
+        return [parameter_request(system, name) for name in chosen if self._tries(name) <= TRIES]
 
     def on_message(self, message: Any) -> None:
         """Store a PARAM_VALUE or record a PARAM_ERROR."""

@@ -24,7 +24,10 @@ VTOL_STATES = {
 }
 
 
-def no_command_reason(autopilot: Autopilot, vehicle_type: int, vtol_state: int | None) -> str:
+PLANE_PARAMETER = "Q_ENABLE"  # of ArduPlane alone, whatever its value; Q_MAV_TYPE may pose as a multirotor
+def no_command_reason(
+    autopilot: Autopilot, vehicle_type: int, vtol_state: int | None, *, is_plane: bool = False
+) -> str:
     """Return why the vehicle must not be commanded, "" if it may.
 
     Parameters
@@ -36,7 +39,7 @@ def no_command_reason(autopilot: Autopilot, vehicle_type: int, vtol_state: int |
     """
     if autopilot == "ardupilot":
         # ArduPlane takes no velocities and has other modes. ArduCopter reports a hovering VTOL, always.
-        if vtol_state in VTOL_STATES or vehicle_type in VTOL_TYPES:
+        if is_plane or vtol_state in VTOL_STATES or vehicle_type in VTOL_TYPES:
             return "ArduPlane"
         return "" if vehicle_type in COPTER_TYPES else type_name(vehicle_type)
     if autopilot != "px4":  # its modes and what it does with a setpoint are unknown
@@ -45,6 +48,8 @@ def no_command_reason(autopilot: Autopilot, vehicle_type: int, vtol_state: int |
     if not is_vtol and vehicle_type not in VTOL_TYPES:
         return "" if vehicle_type in ROTARY_WINGS else type_name(vehicle_type)
     if vtol_state == VTOL_HOVERS:
+    is_plane
+        Whether the autopilot has `PLANE_PARAMETER`.
         return ""
     return VTOL_STATES.get(NO_VTOL if vtol_state is None else vtol_state, "VTOL state unknown")
 

@@ -15,7 +15,12 @@ from companion.flight.link.clock.message_order import STAYS_MS, MessageOrder
 from companion.flight.link.flight_modes import GUIDED, PRECISION_LANDING, Autopilot, mode_name
 from companion.flight.link.position_fix import MESSAGES as FIX_MESSAGES
 from companion.flight.link.position_fix import PositionFix
-from companion.flight.link.vehicle_class import VTOL_HOVERS, VTOL_UNHEARD, no_command_reason
+from companion.flight.link.vehicle_class import (
+    PLANE_PARAMETER,
+    VTOL_HOVERS,
+    VTOL_UNHEARD,
+    no_command_reason,
+)
 
 Landed = Literal["unknown", "on_ground", "in_air", "takeoff", "landing"]
 Vector = tuple[float, float, float]
@@ -58,6 +63,8 @@ class VehicleState:
     displaced
         Whether the mode is not the one that its pilot chose. CURRENT_MODE reports this a second before the
         heartbeat reports a failsafe.
+    is_plane
+        Whether the autopilot has a parameter that ArduPlane alone has.
     vtol_state, vtol_heard_ns
         MAV_VTOL_STATE, and its newest arrival.
     health
@@ -67,6 +74,7 @@ class VehicleState:
     sysid: int | None = None
     autopilot: Autopilot = "unknown"
     vehicle_type: int = 0
+    is_plane: bool = False
     armed: bool = False
     mode: str = ""
     custom_mode: int = 0
@@ -130,7 +138,7 @@ class VehicleState:
             return ""
         late = self.last_heartbeat_ns - (self.vtol_heard_ns or 0) > VTOL_STATE_NS
         state = VTOL_UNHEARD if late and self.vtol_state == VTOL_HOVERS else self.vtol_state
-        return no_command_reason(self.autopilot, self.vehicle_type, state)
+        return no_command_reason(self.autopilot, self.vehicle_type, state, is_plane=self.is_plane)
 
     @property
     def failsafe(self) -> bool:
@@ -187,6 +195,7 @@ def _restarted(state: VehicleState, order: MessageOrder) -> VehicleState:
         sysid=state.sysid,
         autopilot=state.autopilot,
         vehicle_type=state.vehicle_type,
+        is_plane=state.is_plane,
         armed=state.armed,
         mode=state.mode,
         custom_mode=state.custom_mode,
@@ -256,6 +265,11 @@ _LANDED: dict[int, Landed] = {1: "on_ground", 2: "in_air", 3: "takeoff", 4: "lan
 def _extended_sys_state(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
     landed = _LANDED.get(m.landed_state, "unknown")
     return replace(state, reported_landed=landed, vtol_state=m.vtol_state, vtol_heard_ns=now_ns)
+
+
+def _parameter(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
+    is_told = state.autopilot == "ardupilot" and m.param_id.rstrip("\0") == PLANE_PARAMETER
+    return replace(state, is_plane=True) if is_told and not state.is_plane else state
 
 
 def _sys_status(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
@@ -332,6 +346,7 @@ _REDUCERS: dict[str, Callable[[VehicleState, Any, int], VehicleState]] = {
     "HEARTBEAT": _heartbeat,
     "CURRENT_MODE": _current_mode,
     "EXTENDED_SYS_STATE": _extended_sys_state,
+    "PARAM_VALUE": _parameter,
     "SYS_STATUS": _sys_status,
     "BATTERY_STATUS": _battery_status,
     "HOME_POSITION": _home_position,

@@ -255,6 +255,17 @@ def test_a_version_without_a_critical_parameter_is_fit_once_it_has_not_answered(
     assert script.fitness.fit  # known by now: it is not waited for again
 
 
+@pytest.mark.parametrize(("autopilot", "once"), [("ardupilot", 1), ("px4", 0)])
+def test_a_reading_asks_once_for_what_a_plane_alone_has(autopilot: Autopilot, once: int) -> None:
+    script = Script(autopilot)
+    script.run(20)
+    assert script.asked.count("Q_ENABLE") == once
+    script.hand_over(20)
+    assert script.asked.count("Q_ENABLE") == 2 * once
+    script.run(20, is_plane=True, reboots=1)
+    assert script.asked.count("Q_ENABLE") == 2 * once
+
+
 def test_it_reads_again_after_a_reboot_and_after_a_lost_link() -> None:
     script = Script("px4")
     script.run(5)

@@ -78,5 +78,16 @@ def test_arducopter_stays_a_multirotor_while_its_state_is_late() -> None:
     assert reduce(state, beat, 31 * S).no_command_reason == ""
 
 
+@pytest.mark.parametrize("value", [0.0, 1.0])
+def test_a_quadplane_that_poses_as_a_multirotor_is_known_by_its_parameter(value: float) -> None:
+    """Before its first transition, and after a reboot: ArduCopter has no Q_ENABLE of any value."""
+    told = received(mavlink.MAVLink_param_value_message(b"Q_ENABLE", value, 2, 900, 0))
+    for autopilot, reason in ((mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, "ArduPlane"), (12, "")):
+        state = reduce(VehicleState(), heartbeat(autopilot=autopilot, kind=QUADROTOR), S)
+        state = reduce(state, received(mavlink.MAVLink_extended_sys_state_message(MC, 2)), S)
+        assert state.no_command_reason == ""
+        assert reduce(state, told, S).no_command_reason == reason
+
+
 def test_nothing_is_said_of_a_vehicle_that_nobody_has_heard() -> None:
     assert VehicleState().no_command_reason == ""
