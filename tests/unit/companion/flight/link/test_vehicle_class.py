@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.link.flight_modes import Autopilot
-from companion.flight.link.vehicle_class import no_command_reason
+from companion.flight.link.vehicle_class import no_command_reason, type_name
 from companion.flight.link.vehicle_state import VehicleState, reduce
 from tests.unit.companion.flight.link.messages import heartbeat, received
 
@@ -87,6 +87,25 @@ def test_a_quadplane_that_poses_as_a_multirotor_is_known_by_its_parameter(value:
         state = reduce(state, received(mavlink.MAVLink_extended_sys_state_message(MC, 2)), S)
         assert state.no_command_reason == ""
         assert reduce(state, told, S).no_command_reason == reason
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        (19, "tailsitter VTOL"),
+        (20, "tailsitter VTOL"),
+        (21, "tiltrotor VTOL"),
+        (22, "fixed-rotor VTOL"),
+        (23, "tailsitter VTOL"),
+        (24, "tiltwing VTOL"),
+        (25, "VTOL"),
+        (2, "quadrotor"),
+        (200, "type 200"),
+    ],
+)
+def test_a_type_has_a_plain_name(kind: int, name: str) -> None:
+    """The dialect calls a tailsitter "vtol reserved4"."""
+    assert type_name(kind) == name
 
 
 def test_nothing_is_said_of_a_vehicle_that_nobody_has_heard() -> None:
