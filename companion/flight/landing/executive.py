@@ -25,8 +25,8 @@ from companion.flight.landing.interruptions.preconditions import (
     Stage,
 )
 from companion.flight.landing.interruptions.vehicle_class_announcer import VehicleClassAnnouncer
-from companion.flight.landing.interruptions.withdrawal import Withdrawal
-from companion.flight.landing.landing_state import LandingState
+from companion.flight.landing.interruptions.withdrawal import MOST_CAUSE, Withdrawal
+from companion.flight.landing.landing_state import LandingState, bracketed
 from companion.flight.landing.phases.approach import Approach
 from companion.flight.landing.phases.climb import Climb
 from companion.flight.landing.phases.descent import Descent
@@ -406,8 +406,8 @@ class Executive:
                 text = f"GPS drifts off the {s.place_by}, {s.gps_drift_m:.1f} m in 10 s"
                 self.state.say(Severity.CRITICAL, text)
             case Reaction.TELL:
-                cause = f" ({breach.what})" if breach.what else ""
-                self.state.say(Severity.CRITICAL, f"autopilot failsafe{cause}: going on")
+                cause = bracketed(breach.what, MOST_CAUSE)
+                self.state.say(Severity.CRITICAL, f"failsafe{cause}: going on")
         return None
 
     def _report_gps_loss(self, reaction: str) -> None:

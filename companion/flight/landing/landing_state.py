@@ -384,3 +384,8 @@ class LandingState:
             s.report, self.refused, self.parameters, s.position_enu_m, s.wind, endurance_s,
             lambda zone: self.is_inside_fence(s, zone),
         )  # fmt: skip
+
+
+def bracketed(cause: str, most: int) -> str:
+    """Return the cause in a text, so long that this is one STATUSTEXT; "" without one."""
+    return f" ({cause[:most]})" if cause else ""

@@ -149,7 +149,7 @@ GPS = {
     "taken_s": 11.0,
     "landed_by": "failsafe",
     "safe": False,
-    "calls": ["SLZ: failsafe (position lost): LAND flies, take over"],
+    "calls": ["SLZ: failsafe (position lost): LAND, take over"],
 }
 
 
@@ -173,14 +173,14 @@ GPS = {
         (GPS | {"path": way("final"), "over_s": 12.5}, "in final 2.0 s after the failsafe took it"),
         (GPS | {"path": way("idle", height_m=0.1)}, ""),
         (GPS | {"calls": []}, "did not call the pilot for ekf or position or gps or velocity"),
-        (GPS | {"calls": ["SLZ: failsafe: LAND flies, take over"]}, "did not call the pilot for"),
+        (GPS | {"calls": ["SLZ: failsafe: LAND, take over"]}, "did not call the pilot for"),
         (GPS | {"commands_while_pilot_flies": 3}, "3 commands in the autopilot's failsafe"),
         (GPS | {"hands_off": 1}, "gave the vehicle to a pilot who had not touched it"),
         (GPS | {"taken_by": "", "landed_by": "", "safe": True}, ""),
         (GPS | {"taken_by": "", "landed_by": ""}, "touched unsafe ground"),
         (GPS | {"landed": False, "safe": None, "collision": {"e": 0.0, "n": 0.0}}, ""),
         (GPS | {"fault": "fence_breach"}, "did not call the pilot for fence"),
-        (GPS | {"fault": "radio_failsafe", "calls": ["SLZ: failsafe (RC lost): RTL flies, take over"]}, ""),
+        (GPS | {"fault": "radio_failsafe", "calls": ["SLZ: failsafe (RC lost): RTL, take over"]}, ""),
     ],
 )  # fmt: skip
 def test_what_pilot_or_failsafe_do_is_their_own_and_commands_against_them_are_not(

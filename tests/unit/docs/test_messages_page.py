@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+from companion.flight.link.statustext import CHUNK_BYTES
 from tests import REPOSITORY
 from tests.unit.docs.said import SOURCES, files_that_speak, templates
 
@@ -47,3 +48,12 @@ def test_severities_are_those_of_the_source() -> None:
 
 def test_every_file_that_speaks_to_the_pilot_is_read() -> None:
     assert files_that_speak() - SILENT <= set(SOURCES)
+
+
+def test_every_text_of_a_flight_without_gaps_fits_one_statustext() -> None:
+    """A narrow screen shows the 50 bytes of one message, and a longer text in pieces."""
+    flown = PAGE.split("## In flight")[1].split("\n## ")[0]
+    cells = [line.strip("|").split("|")[0] for line in flown.splitlines() if line.startswith("| `")]
+    said = [f"SLZ: {text}" for cell in cells for text in re.findall(r"`([^`]+)`", cell)]
+    assert len(said) > 90
+    assert [text for text in said if len(text.replace("…", "")) > CHUNK_BYTES] == []

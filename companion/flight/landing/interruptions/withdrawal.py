@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from companion.flight.landing.interruptions.preconditions import Breach, Precondition, Reaction
-from companion.flight.landing.landing_state import SECOND, LandingState
+from companion.flight.landing.landing_state import SECOND, LandingState, bracketed
 from companion.flight.landing.situation import Phase, Severity, Situation, VehicleCommands
 
 CALM_NS = 3 * SECOND  # without a sign of it, until a failsafe is over
+MOST_CAUSE = 21  # characters of cause and mode in one STATUSTEXT
 RECLASSIFY_NS = 2 * SECOND  # PX4's heartbeat, which reports a failsafe, comes each second
 
 
@@ -55,8 +56,8 @@ class Withdrawal:
         """Stop commanding: the autopilot flies by its own failsafe, or without an estimate."""
         self._taken = None
         cause = breach.what if breach.precondition is Precondition.ESTIMATE else s.cause
-        because = f" ({cause})" if cause else ""
-        self._state.say(Severity.CRITICAL, f"failsafe{because}: {s.mode} flies, take over")
+        because = bracketed(cause, MOST_CAUSE - len(s.mode))
+        self._state.say(Severity.CRITICAL, f"failsafe{because}: {s.mode}, take over")
         self._state.tally.failsafes.append(cause or "failsafe")
         self._state.hand_over.end()
         self._told_mode, self._calm_since_ns = s.mode, None
@@ -72,7 +73,7 @@ class Withdrawal:
             return VehicleCommands()
         if s.mode != self._told_mode:
             self._told_mode = s.mode
-            state.say(Severity.CRITICAL, f"failsafe: {s.mode} flies, take over")
+            state.say(Severity.CRITICAL, f"failsafe: {s.mode}, take over")
         if s.failsafe or s.breached or s.estimate_lost or not s.connected:
             self._calm_since_ns = None
         elif self._calm_since_ns is None:

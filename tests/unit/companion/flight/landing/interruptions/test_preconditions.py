@@ -5,6 +5,8 @@ import pytest
 
 from companion.flight.landing.interruptions.preconditions import TABLE, Precondition, Reaction, Stage
 from companion.flight.landing.situation import MissingInput, Phase, Severity, VehicleCommands
+from companion.flight.link.flight_modes import ARDUCOPTER, PX4
+from companion.flight.link.statustext import CHUNK_BYTES
 from slz import PointState
 from tests import REPOSITORY
 from tests.unit.companion.flight.landing.flight import Flight, zone
@@ -188,10 +190,26 @@ def test_a_mode_taken_by_the_autopilot_s_failsafe_is_not_the_pilot_s(phase: Phas
     assert flight.executive.phase is Phase.FAILSAFE
     assert silent_since(flight, first)
     told = [text for text in flight.texts if "RTL" in text]
-    assert told == ["SLZ: failsafe (Battery 1 low voltage): RTL flies, take over"]
+    assert told == ["SLZ: failsafe (Battery 1 low volt): RTL, take over"]
     assert Severity.CRITICAL in flight.severities
     assert flight.executive.tally.hands_off == 0
     assert flight.executive.tally.failsafes == ["Battery 1 low voltage"]
+
+
+@pytest.mark.parametrize("mode", [max(ARDUCOPTER, key=len), max(PX4, key=len), "AUTO.RTL"])
+@pytest.mark.parametrize("cause", ["GPS lost", "x" * CHUNK_BYTES])
+def test_every_text_about_a_failsafe_fits_one_statustext(mode: str, cause: str) -> None:
+    flight = flown_to(Phase.APPROACH)
+    flight.failsafe, flight.cause = True, cause
+    flight.run(1.5)
+    flight.mode = mode
+    flight.run(8)
+    told = [text for text in flight.texts if "failsafe" in text]
+    assert told[0].startswith("SLZ: failsafe (")
+    assert told[0].endswith("): going on")
+    assert told[1].startswith("SLZ: failsafe (")
+    assert told[1].endswith(f"): {mode}, take over")
+    assert max(map(len, told)) <= CHUNK_BYTES
 
 
 def test_a_fence_breach_takes_the_mode_without_a_failsafe_state() -> None:
@@ -199,7 +217,7 @@ def test_a_fence_breach_takes_the_mode_without_a_failsafe_state() -> None:
     flight.mode, flight.breached, flight.cause = "RTL", True, "fence breached"
     flight.run(1)
     assert flight.executive.phase is Phase.FAILSAFE
-    assert "SLZ: failsafe (fence breached): RTL flies, take over" in flight.texts
+    assert "SLZ: failsafe (fence breached): RTL, take over" in flight.texts
 
 
 @pytest.mark.parametrize("phase", [*GUIDED_PHASES, Phase.FINAL])
@@ -210,7 +228,7 @@ def test_a_lost_estimate_ends_all_commands_and_tells_the_pilot(phase: Phase) -> 
     assert flight.executive.phase is Phase.FAILSAFE
     told = next(text for text in flight.texts if text.startswith("SLZ: failsafe"))
     assert told.startswith("SLZ: failsafe (position lost): ")
-    assert told.endswith(" flies, take over")
+    assert told.endswith(", take over")
     first = len(flight.commands)
     flight.run(10)
     assert silent_since(flight, first)
@@ -230,7 +248,7 @@ def test_a_failsafe_that_leaves_the_mode_to_us_is_told_once_and_the_landing_goes
     flight.failsafe, flight.cause = True, "Battery 1 low voltage"
     flight.fly_to(Phase.LANDED)
     told = [text for text in flight.texts if "failsafe" in text]
-    assert told == ["SLZ: autopilot failsafe (Battery 1 low voltage): going on"]
+    assert told == ["SLZ: failsafe (Battery 1 low voltage): going on"]
 
 
 def test_a_failsafe_that_is_told_after_its_mode_is_not_left_to_the_pilot() -> None:
@@ -242,7 +260,7 @@ def test_a_failsafe_that_is_told_after_its_mode_is_not_left_to_the_pilot() -> No
     flight.failsafe, flight.cause = True, "Failsafe activated"
     flight.run(0.2)
     assert flight.executive.phase is Phase.FAILSAFE
-    assert flight.texts[-1] == "SLZ: failsafe (Failsafe activated): AUTO.LAND flies, take over"
+    assert flight.texts[-1] == "SLZ: failsafe (Failsafe act): AUTO.LAND, take over"
     assert (flight.executive.tally.hands_off, flight.executive.tally.failsafes) == (0, ["Failsafe activated"])
 
 
@@ -273,7 +291,7 @@ def test_each_further_mode_of_a_failsafe_is_told() -> None:
     flight.run(2)
     flight.mode = "LAND"
     flight.run(2)
-    assert flight.texts[-1] == "SLZ: failsafe: LAND flies, take over"
+    assert flight.texts[-1] == "SLZ: failsafe: LAND, take over"
 
 
 def test_after_a_failsafe_nothing_begins_without_a_new_hand_over() -> None:
@@ -388,6 +406,15 @@ def test_a_target_that_the_autopilot_has_lost_breaks_the_landing_off() -> None:
     assert flight.executive.tally.abort_reasons == ["target lost"]
 
 
+def test_a_target_lost_below_the_commit_height_calls_nobody() -> None:
+    """The autopilot lands straight down without it, and the vehicle is over the point."""
+    flight = flown_to(Phase.FINAL).until(lambda f: f.position[2] < 1.0)
+    flight.target_lost_ns = flight.now_ns
+    flight.fly_to(Phase.LANDED)
+    assert flight.executive.tally.aborts == 0
+    assert not [text for text in flight.texts if "take over" in text]
+
+
 def test_a_target_lost_in_the_landing_before_does_not_count() -> None:
     flight = Flight([zone(1, 20, 0)])
     flight.target_lost_ns = 1
@@ -406,15 +433,6 @@ def test_a_landing_that_climbs_is_broken_off() -> None:
 
 def test_the_jolt_of_the_change_to_land_breaks_nothing_off() -> None:
     flight = flown_to(Phase.FINAL)
-def test_a_target_lost_below_the_commit_height_calls_nobody() -> None:
-    """The autopilot lands straight down without it, and the vehicle is over the point."""
-    flight = flown_to(Phase.FINAL).until(lambda f: f.position[2] < 1.0)
-    flight.target_lost_ns = flight.now_ns
-    flight.fly_to(Phase.LANDED)
-    assert flight.executive.tally.aborts == 0
-    assert not [text for text in flight.texts if "take over" in text]
-
-
     flight.push = np.array([0.0, 0.0, 1.8])
     flight.run(1)
     flight.push = np.zeros(3)
@@ -572,16 +590,16 @@ def test_a_failsafe_that_takes_the_mode_or_loses_the_estimate_a_moment_later_is_
     flight.run(0.8)
     flight.failsafe, flight.cause = True, "EKF Failsafe"
     flight.run(3)
-    assert flight.texts[first:] == ["SLZ: failsafe (EKF Failsafe): LAND flies, take over"] or flight.texts[
+    assert flight.texts[first:] == ["SLZ: failsafe (EKF Failsafe): LAND, take over"] or flight.texts[
         first:
-    ] == ["SLZ: failsafe (position lost): LAND flies, take over"]
+    ] == ["SLZ: failsafe (position lost): LAND, take over"]
     flight = flown_to(Phase.FINAL)
     first = len(flight.texts)
     flight.failsafe, flight.cause = True, "Battery Failsafe"
     flight.run(0.5)
     flight.mode = "RTL"
     flight.run(3)
-    assert flight.texts[first:] == ["SLZ: failsafe (Battery Failsafe): RTL flies, take over"]
+    assert flight.texts[first:] == ["SLZ: failsafe (Battery Failsafe): RTL, take over"]
 
 
 @pytest.mark.parametrize("phase", [Phase.SURVEY, Phase.DESCEND, Phase.FINAL])
