@@ -65,6 +65,7 @@ class CommandExecution:
 
         Not even the signal that lets PX4 into its offboard mode, which a fixed wing enters and flies on.
         """
+        self._link.note_lasting(commands.lasting)
         for severity, text in commands.texts:
             log.info(text)
             self._link.statustext(text, severity.value)

@@ -341,7 +341,12 @@ class Executive:
             state.ownership.on_land_request(s)
         elif commands.mode == "guided":
             state.ownership.on_guided_request()
-        return replace(commands, select_enu_m=state.selection.collect(), texts=state.collect_texts())
+        return replace(
+            commands,
+            select_enu_m=state.selection.collect(),
+            texts=state.collect_texts(),
+            lasting=state.collect_lasting(),
+        )
 
     def _reaction(self, s: Situation) -> VehicleCommands | None:
         """Return the commands that an interruption demands; None where the phase goes on."""

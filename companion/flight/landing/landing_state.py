@@ -99,12 +99,17 @@ class LandingState:
         self._wind_reported_ns: int | None = None
         self._beyond: tuple[Report, Geofence, frozenset[int]] | None = None  # and the zones beyond it
         self._texts: list[tuple[Severity, str]] = []
+        self._lasting = ""
 
     # ---- texts ----------------------------------------------------------------------------------
 
     def say(self, severity: Severity, text: str) -> None:
         """Send the pilot a text with this step's commands."""
         self._texts.append((severity, f"SLZ: {text}"))
+
+    def note_lasting(self, text: str) -> None:
+        """Note what the landing waits for in this step, in the words in which it is said."""
+        self._lasting = f"SLZ: {text}"
 
     def call(self, trouble: str, s: Situation) -> None:
         """Call the pilot, again each minute, about a vehicle that does not obey; begin nothing afterwards."""
@@ -120,6 +125,11 @@ class LandingState:
         else:
             text = f"{event}, {s.mode}: order again" if s.guided else f"{event}, {s.mode}: hand over again"
         self.say(Severity.WARNING, text)
+
+    def collect_lasting(self) -> str:
+        """Return the text about what was waited for since the last call, "" for nothing."""
+        text, self._lasting = self._lasting, ""
+        return text
 
     def collect_texts(self) -> tuple[tuple[Severity, str], ...]:
         """Return the texts since the last call."""

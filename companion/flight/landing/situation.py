@@ -140,7 +140,8 @@ class VehicleCommands:
     """Commands of one step, from the executive to the vehicle.
 
     velocity_enu_ms: setpoint, None for none. yaw_rad: heading to turn to, None to keep it. mode: kind of mode
-    to request. target_enu_m: landing target to stream. select_enu_m: point to select.
+    to request. target_enu_m: landing target to stream. select_enu_m: point to select. lasting: text about
+    what the landing waits for, as long as it does.
     """
 
     velocity_enu_ms: Vector | None = None
@@ -149,6 +150,7 @@ class VehicleCommands:
     target_enu_m: Vector | None = None
     select_enu_m: Vector | None = None
     texts: tuple[tuple[Severity, str], ...] = ()
+    lasting: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -305,6 +305,10 @@ class Link:
             self._unheard.record(text, severity, now_ns())
         self.on_text.emit(text, severity)
 
+    def note_lasting(self, text: str) -> None:
+        """Note the text about the state that lasts now, "" without one: only that is said again."""
+        self._unheard.lasting = text
+
     def _send_text(self, text: str, severity: int) -> None:
         self._text_id = self._text_id % 65535 + 1
         for message in statustext(text, severity, self._text_id):

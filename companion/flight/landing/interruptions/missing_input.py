@@ -37,8 +37,10 @@ def report_input_back(state: LandingState, s: Situation) -> None:
 
 def _wait_for(state: LandingState, missing: MissingInput, s: Situation) -> None:
     state.safe_since_ns = None
+    text = f"{missing.text}: holding"
+    state.note_lasting(text)
     if state.outage.on_missing(missing, s.now_ns):
-        state.say(Severity.WARNING, f"{missing.text}: holding")
+        state.say(Severity.WARNING, text)
     if state.outage.calls_for(missing, s.now_ns):
         state.say(Severity.CRITICAL, f"{missing.thing} still {missing.state}: take over")
         if state.phase is not Phase.HOLD:

@@ -61,3 +61,20 @@ def test_a_text_said_again_and_again_counts_once() -> None:
         texts.record(f"SLZ: {'map' if k % 2 else 'scans'} late: holding", WARNING, (5 + k) * S)
     texts.on_heard(4 * S)
     assert len(texts.on_heard(40 * S)) == 2
+
+
+@pytest.mark.parametrize(
+    ("lasts", "said"), [("", []), ("SLZ: position lost: holding", ["SLZ: 14 s ago: position lost: holding"])]
+)
+def test_a_state_that_ended_with_the_silence_is_not_said_and_one_that_lasts_is(
+    lasts: str, said: list[str]
+) -> None:
+    """What happened is said at once; a state, when it is known whether it still lasts."""
+    texts = UnheardTexts()
+    heard(texts, 4 * S)
+    texts.lasting = "SLZ: position lost: holding"
+    texts.record("SLZ: position lost: holding", WARNING, 5 * S)
+    texts.record("SLZ: abort: position lost", WARNING, 5 * S)
+    assert texts.on_heard(17 * S) == [("SLZ: 12 s ago: abort: position lost", WARNING)]
+    texts.lasting = lasts
+    assert heard(texts, 19 * S + 500 * MS) == said
