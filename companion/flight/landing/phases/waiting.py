@@ -12,6 +12,7 @@ TELL_AGAIN_NS = 30 * SECOND
 LEAST_HEIGHT_M = 5.0  # over ground, for an automatic start; less with a lower survey height
 REASON_NS = 5 * SECOND  # for which a start waits before the pilot is told why
 LEVEL_MS = 0.3  # greatest vertical speed of a vehicle that is level
+NOT_LEVEL, NO_GROUND, TOO_LOW = "not level", "no ground seen", "lower than"  # what a climb ends
 
 
 class Waiting:
@@ -20,8 +21,9 @@ class Waiting:
     def __init__(self, state: LandingState) -> None:
         self._state = state
         self._disarmed = False  # since the last landing
-        self._reason, self._reason_since_ns = "", 0
-        self._reported: set[str] = set()  # reasons to wait since the hand-over
+        self._waits_for: tuple[Severity, str] | None = None
+        self._waits_since_ns = 0
+        self._reported: set[tuple[Severity, str]] = set()  # reasons to wait since the hand-over
 
     def finish(self, s: Situation) -> VehicleCommands:
         """End the flight: report how far from the point the vehicle stands."""
@@ -51,7 +53,7 @@ class Waiting:
             return VehicleCommands(target_enu_m=state.aim.on_ground_enu_m)
         self._tell_to_hand_over(s)
         if not self._is_wanted(s):
-            state.level_since_ns, self._reason = None, ""
+            state.level_since_ns = self._waits_for = None
             self._reported.clear()
         elif reason := self._reason_to_wait(s):
             state.level_since_ns = None
@@ -60,7 +62,7 @@ class Waiting:
             state.level_since_ns = None
             state.report_wind(s)
         elif state.level_since_ns is None:
-            state.level_since_ns, self._reason = s.now_ns, ""
+            state.level_since_ns, self._waits_for = s.now_ns, None
         elif s.now_ns - state.level_since_ns > STEADY_NS:
             state.start(LandingRequest(urgent=state.is_battery_low(s)), s)
         return VehicleCommands()
@@ -86,18 +88,23 @@ class Waiting:
         if not s.lidar_ok:
             return s.no_map_reason.text
         if np.isnan(height_m):
-            return "no ground seen"
+            return NO_GROUND
         if height_m <= least_m:
-            return f"lower than {least_m:.0f} m over ground"
-        return "not level" if abs(float(s.velocity_enu_ms[2])) >= LEVEL_MS else ""
+            return f"{TOO_LOW} {least_m:.0f} m over ground"
+        return NOT_LEVEL if abs(float(s.velocity_enu_ms[2])) >= LEVEL_MS else ""
 
     def _report(self, reason: str, s: Situation) -> None:
-        """Report a reason to wait that lasts, once in a hand-over."""
-        if reason != self._reason:
-            self._reason, self._reason_since_ns = reason, s.now_ns
-        if reason not in self._reported and s.now_ns - self._reason_since_ns >= REASON_NS:
-            self._reported.add(reason)
-            self._state.say(Severity.WARNING, f"{reason}: waiting")
+        """Report a reason to wait that lasts, once in a hand-over; one that a climb ends is no warning."""
+        climbs = s.velocity_enu_ms is not None and float(s.velocity_enu_ms[2]) >= LEVEL_MS
+        ends_by_itself = climbs and reason.startswith((NOT_LEVEL, NO_GROUND, TOO_LOW))
+        severity = Severity.INFO if ends_by_itself else Severity.WARNING
+        text = f"{reason}: waiting"
+        self._state.note_lasting(text)
+        if (severity, reason) != self._waits_for:
+            self._waits_for, self._waits_since_ns = (severity, reason), s.now_ns
+        if self._waits_for not in self._reported and s.now_ns - self._waits_since_ns >= REASON_NS:
+            self._reported.add(self._waits_for)
+            self._state.say(severity, text)
 
     def _tell_to_hand_over(self, s: Situation) -> None:
         """Report now and then that the guided mode has no effect without a new hand-over."""

@@ -42,14 +42,38 @@ def test_the_height_above_home_does_not_count(home_m: float) -> None:
         ("landed_state_known", False, "landed state unknown"),
         ("lidar_ok", False, "LiDAR lost"),
         ("sees_ground", False, "no ground seen"),
-        ("push", np.array([0.0, 0.0, 0.5]), "not level"),
+        ("flown", np.array([0.0, 0.0, -0.35]), "not level"),
     ],
 )
 def test_each_reason_to_wait_is_told_once(name: str, value: object, reason: str) -> None:
-    flight = Flight([zone(1, 0, 0)])
+    flight = Flight([zone(1, 0, 0)], height=60.0)
     setattr(flight, name, value)
     assert waiting(reason, flight)
     assert flight.severities[flight.texts.index(f"SLZ: {reason}: waiting")] is Severity.WARNING
+
+
+@pytest.mark.parametrize(("height_m", "reason"), [(12.0, "not level"), (1.0, "lower than 5 m over ground")])
+def test_a_climb_is_no_reason_to_warn(height_m: float, reason: str) -> None:
+    """It ends by itself; what the pilot would have to mend is a warning in the climb, too."""
+    flight = Flight([zone(1, 0, 0)], height=height_m)
+    flight.flown = np.array([0.0, 0.0, 0.4])
+    flight.run(8)
+    assert list(zip(flight.texts, flight.severities, strict=True)) == [
+        (f"SLZ: {reason}: waiting", Severity.INFO)
+    ]
+    flight.lidar_ok = False
+    flight.run(6)
+    assert (flight.texts[-1], flight.severities[-1]) == ("SLZ: LiDAR lost: waiting", Severity.WARNING)
+
+
+def test_what_lasts_after_the_climb_is_a_warning() -> None:
+    flight = Flight([zone(1, 0, 0)], height=1.0)
+    flight.flown = np.array([0.0, 0.0, 0.31])
+    flight.run(6)
+    flight.flown = np.zeros(3)
+    flight.run(6)
+    assert flight.texts == ["SLZ: lower than 5 m over ground: waiting"] * 2
+    assert flight.severities == [Severity.INFO, Severity.WARNING]
 
 
 def test_nothing_is_told_to_who_does_not_hand_over() -> None:
@@ -67,3 +91,15 @@ def test_a_reason_of_a_moment_is_not_told_and_is_told_again_after_the_next_hand_
     flight.mode = "GUIDED"
     flight.run(10)
     assert flight.texts == ["SLZ: lower than 5 m over ground: waiting"] * 2
+
+
+def test_what_is_waited_for_is_known_as_long_as_it_is() -> None:
+    """So that a text which the link swallowed is said again while it is true."""
+    flight = Flight([zone(1, 0, 0)], height=3.0)
+    assert flight.run(8).commands[-1][3].lasting == "SLZ: lower than 5 m over ground: waiting"
+    flight.position[2] = 8.0
+    assert flight.fly_to(Phase.APPROACH).commands[-1][3].lasting == ""
+    flight.lidar_ok = False
+    assert flight.run(1).commands[-1][3].lasting == "SLZ: LiDAR lost: holding"
+    flight.lidar_ok = True
+    assert flight.run(0.3).commands[-1][3].lasting == ""
