@@ -58,10 +58,10 @@ class Intrusions:
 
     A return is one of an intruder if it is higher over the map's ground or objects than an obstacle's least
     height and noise explain, within footprint and touchdown error of the point; within rotor and tail, if it
-    reaches up to these. The navigation's height may have shifted since the window: the median over the even
-    cells around what is watched is taken off, each told by its lowest return. Five returns within 0.6 m and
-    0.3 s are an intruder, as many as outlier removal asks of a group. Near the sensor, where rain, dust and
-    snow are dense, it takes as many as an object of `OBJECT_M2` would return (`slz.points.outliers`).
+    reaches up to these. Height and tilt of all ground may have shifted since the window: the plane of the
+    even cells around what is watched is taken off, each told by its lowest return. Five returns within 0.6 m
+    and 0.3 s are an intruder, as many as outlier removal asks of a group. Near the sensor, where rain, dust
+    and snow are dense, it takes as many as an object of `OBJECT_M2` would return (`slz.points.outliers`).
     """
 
     def __init__(self) -> None:
@@ -114,7 +114,7 @@ def _raised(scan: Scan, ground: WatchedGround) -> _Raised:
     over = points[:, 2] - ground.top_m.ravel()[cell]
     away = np.hypot(points[:, 0] - ground.enu_m[0], points[:, 1] - ground.enu_m[1])
     votes = ground.even.ravel()[cell] & (away > ground.radius_m)
-    over = over - common_shift_m(over[votes], cell[votes])
+    over = over - common_shift_m(points, over, cell, votes)
     aside_m, range_m = np.zeros(len(points)), np.full(len(points), np.inf)
     if is_known(scan.sensor_enu_m):
         way = points - scan.sensor_enu_m

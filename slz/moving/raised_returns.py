@@ -75,7 +75,7 @@ def raised_returns(scan: Scan, ground: Ground, angle_noise_rad: float) -> Raised
     """Return the raised returns of a scan; None where there is none, or the sensor's place is unknown or low.
 
     A return is raised where it is higher over the ground of its block, and over what stands in the blocks
-    around, than `LEAST_M` and noise explain. A common shift of all heights is taken off before.
+    around, than `LEAST_M` and noise explain. A common shift and tilt of all ground is taken off before.
     """
     if not len(scan) or not is_known(scan.sensor_enu_m):
         return None
@@ -88,11 +88,12 @@ def raised_returns(scan: Scan, ground: Ground, angle_noise_rad: float) -> Raised
     way = points - scan.sensor_enu_m
     aside_m, range_m = np.hypot(way[:, 0], way[:, 1]), np.linalg.norm(way, axis=1)
     even = ground.even.ravel()[cell] & (aside_m < REACH_M)
-    shift_m = common_shift_m(over[even], cell[even])
-    bound = np.hypot(LEAST_M, SIGMAS * angle_noise_rad * aside_m) + shift_m
-    raised = (beyond > bound) & (over - shift_m < MOST_M)  # False for NaN
+    shift_m = common_shift_m(points, over, cell, even)
+    over, beyond = over - shift_m, beyond - shift_m
+    bound = np.hypot(LEAST_M, SIGMAS * angle_noise_rad * aside_m)
+    raised = (beyond > bound) & (over < MOST_M)  # False for NaN
     raised &= (aside_m < REACH_M) & (range_m > LEAST_RANGE_M)
     if not raised.any():
         return None
     which = over_ground[raised]
-    return RaisedReturns(points[raised], over[raised] - shift_m, scan.stamp_ns[which])
+    return RaisedReturns(points[raised], over[raised], scan.stamp_ns[which])

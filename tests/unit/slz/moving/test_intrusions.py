@@ -131,6 +131,28 @@ def test_a_shift_of_the_estimate_is_no_object_and_hides_none(ground: WatchedGrou
     assert found.height_m == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.parametrize("slope_east", [-0.06, 0.06])
+def test_a_tilt_of_all_ground_hides_no_object(ground: WatchedGround, slope_east: float) -> None:
+    def tilted(points: Floats) -> Floats:
+        return points + np.outer(slope_east * points[:, 0], (0.0, 0.0, 1.0))
+
+    assert seen(ground, scan(tilted(with_ground()))) is None
+    found = seen(ground, scan(tilted(with_ground(thing(20, 0.5)))))
+    assert found is not None
+    assert found.height_m == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize("east_m", [3.0, -1.0])
+def test_a_lorry_beside_the_point_is_no_tilt_that_hides_an_object(
+    ground: WatchedGround, east_m: float
+) -> None:
+    points = with_ground(thing(20, 0.6))
+    points[(points[:, 0] > east_m + 0.5) & (points[:, 0] < east_m + 3.0) & (np.abs(points[:, 1]) < 6), 2] += (
+        3.0
+    )
+    assert seen(ground, scan(points)) is not None
+
+
 def test_a_car_that_covers_the_whole_circle_is_told(ground: WatchedGround) -> None:
     points = with_ground()
     under = (np.abs(points[:, 0] - POINT[0]) < 2.3) & (np.abs(points[:, 1] - POINT[1]) < 0.9)

@@ -40,6 +40,7 @@ def scans(
     count: int = 6,
     size_m: float = 0.8,
     shift: Callable[[float], float] = lambda t: 0.0,
+    slope: Way = lambda t: (0.0, 0.0),
     specks: int = 0,
     seed: int = 1,
 ) -> Iterator[Scan]:
@@ -61,7 +62,7 @@ def scans(
             stamps.append(np.sort(rng.integers(start_ns, start_ns + SCAN_NS, specks)))
         points, when = np.concatenate(parts), np.concatenate(stamps)
         order = np.argsort(when, kind="stable")
-        points[:, 2] += shift(number * 0.05)
+        points[:, 2] += shift(number * 0.05) + points[:, :2] @ slope(number * 0.05)
         yield Scan(points[order], when[order], SENSOR, FRAME)
 
 
@@ -158,6 +159,20 @@ def test_a_jump_of_all_heights_is_no_object() -> None:
     assert not any(followed(scans(shift=lambda t: 0.0 if t < 1 else 1.5)))
     rising = followed(scans(straight((3.0, 6.0), (1.4, 0.0)), shift=lambda t: 0.3 * t))
     assert len(rising[-1]) == 1
+
+
+def turning_slope(t: float) -> tuple[float, float]:
+    """Return the slope that all ground has where the mount is off by 3 degrees and the vehicle turns."""
+    return 0.052 * math.cos(0.3 * t), 0.052 * math.sin(0.3 * t)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_tilt_of_all_ground_is_no_object_and_hides_none(seed: int) -> None:
+    assert not any(followed(scans(slope=turning_slope, seconds=6.0, seed=seed)))
+    walker = straight((3.0, 6.0), (1.4, 0.0))
+    (found,) = followed(scans(walker, slope=turning_slope, count=12, seed=seed))[-1]
+    np.testing.assert_allclose(found.velocity_ms, (1.4, 0.0), atol=0.4)
+    assert found.height_m == pytest.approx(0.8, abs=0.15)
 
 
 def test_over_unknown_ground_nothing_is_told() -> None:
