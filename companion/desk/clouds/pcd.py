@@ -1,15 +1,19 @@
 """Reader of PCD files of the Point Cloud Library: ascii, binary and binary_compressed (PCD .5 to 0.7).
 
 A text header up to DATA, then lines of numbers, records, or one LZF block that holds the points field by
-field; where that would not be smaller, pypcd stores the block as it is. VIEWPOINT, the sensor's pose, is not
-applied: coordinates stay unchanged. In the first versions SIZE, TYPE, COUNT, WIDTH and HEIGHT may be missing.
+field; where that would not be smaller, pypcd stores the block as it is. VIEWPOINT is the sensor's pose: PCL
+takes it for the transformation of points in the sensor's frame (pcl_viewer, pcl_transform_from_viewpoint,
+pcl_ros) and for the place of the sensor among points of the same frame (normals), so no reader can apply it.
+In the first versions SIZE, TYPE, COUNT, WIDTH and HEIGHT may be missing.
 """
 
 from __future__ import annotations
 
+import math
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import compress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -52,6 +56,9 @@ BOOL = ("B", 1)
 TYPES = {("F", 4), ("F", 8), BOOL} | {(kind, size) for kind in "IU" for size in (1, 2, 4, 8)}
 MOST_COUNT = 1 << 20  # numbers in a field
 MOST_RATIO = 100  # of LZF, where three bytes become at most 264
+PADDING = "_"
+IDENTITY = "0 0 0 1 0 0 0"  # VIEWPOINT: x y z, and quaternion w x y z
+SIX_DIGITS = 1e-6  # relative precision of a pose written as text
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,8 +78,8 @@ class Field:
 class PcdSource:
     """A PCD file, see `Source`.
 
-    data: its encoding, as in the header. start: offset of the points. fields: those of one number; of equal
-    names the first.
+    data: its encoding, as in the header. start: offset of the points. fields: those of one number, in lower
+    case; of equal names the first.
     """
 
     path: Path
@@ -93,7 +100,7 @@ class PcdSource:
         with translated(self.path), self.path.open("rb") as file:
             file.seek(self.start)
             if self.data == "ascii":
-                yield from self._lines(file)
+                yield from map(finite, self._rows(file, self.layout.columns))
             elif self.data == "binary":
                 for points in from_records(file, self.layout, self.n_points, self.path):
                     yield finite(points)
@@ -112,10 +119,8 @@ class PcdSource:
         with translated(self.path), self.path.open("rb") as file:
             file.seek(self.start)
             if self.data == "ascii":
-                columns = np.loadtxt(file, usecols=[field.column for field in self.fields], ndmin=2)
-                if len(columns) < self.n_points:
-                    raise truncated(self.path, len(columns), self.n_points)
-                return _table(names, list(columns[: self.n_points].T))
+                rows = list(self._rows(file, tuple(field.column for field in self.fields)))
+                return _table(names, list(np.concatenate(rows).T))
             if self.data == "binary":
                 offsets, forms = (
                     [field.offset for field in self.fields],
@@ -136,12 +141,13 @@ class PcdSource:
             plain = self._plain(file)
             return _table(names, [self._axis(plain, field.offset, field.form) for field in self.fields])
 
-    def _lines(self, file: BinaryIO) -> Iterator[Chunk]:
+    def _rows(self, file: BinaryIO, columns: tuple[int, ...]) -> Iterator[NDArray[np.float64]]:
+        """Yield (n, columns) numbers of the lines."""
         n = 0
         lines = (line.decode("ascii", "replace") for line in file)
-        for points in from_lines(lines, self.layout.columns, None, self.n_points, self.path):
-            n += len(points)
-            yield finite(points)
+        for rows in from_lines(lines, columns, None, self.n_points, self.path):
+            n += len(rows)
+            yield rows
         if n < self.n_points:
             raise truncated(self.path, n, self.n_points)
         check_none_follow(self.path, n, sum(bool(line.strip(" \r\n\t\0\x1a")) for line in lines))
@@ -183,13 +189,18 @@ class PcdSource:
         return np.frombuffer(plain, np.uint8)
 
 
-def open_pcd(path: Path, reference: Reference) -> PcdSource:
+def open_pcd(path: Path, reference: Reference, in_sensor_axes: bool = False) -> PcdSource:
     """Read and check the header of a PCD file.
+
+    Parameters
+    ----------
+    in_sensor_axes
+        Its points are in the sensor's axes, whatever its VIEWPOINT; else that must be the identity.
 
     Raises
     ------
     UsageError
-        The file is truncated, corrupt or without floating point x, y, z.
+        The file is truncated, corrupt, without floating point x, y, z, or its VIEWPOINT moves or turns them.
     """
     with translated(path), path.open("rb") as file:
         words = _header(file, path)
@@ -211,8 +222,14 @@ def open_pcd(path: Path, reference: Reference) -> PcdSource:
             "<u1" if (kind, size) == BOOL else f"<{kind.lower()}{size}"
             for kind, size in zip(kinds, sizes, strict=True)
         ]
-        layout = layout_of(path, zip(names, forms, counts, strict=True))
         n_points = _count(words, path)
+        if data == "binary_compressed" and _omits_padding(file, names, forms, counts, n_points):
+            kept = [name != PADDING for name in names]
+            names, forms = list(compress(names, kept)), list(compress(forms, kept))
+            counts = list(compress(counts, kept))
+        layout = layout_of(path, zip(names, forms, counts, strict=True))
+        if not in_sensor_axes:
+            _refuse_pose(words, path)
         if data not in ("ascii", "binary", "binary_compressed"):
             raise _corrupt(path, f"DATA {data[:40]!r} is not known")
         least = {"ascii": 2 * sum(counts) * n_points, "binary": layout.record_bytes * n_points}.get(data, 8)
@@ -261,6 +278,36 @@ def _count(words: dict[str, list[str]], path: Path) -> int:
     return points
 
 
+def _refuse_pose(words: dict[str, list[str]], path: Path) -> None:
+    """Refuse a VIEWPOINT other than the identity; a quaternion of zeros is no rotation."""
+    told = words.get("VIEWPOINT", IDENTITY.split())
+    try:
+        x, y, z, w, *turn = map(float, told[:7])
+    except ValueError:
+        turn = []
+    if len(turn) != 3:
+        raise _corrupt(path, "VIEWPOINT is not seven numbers")
+    half_turn = math.hypot(*turn) / (math.hypot(w, *turn) or 1.0)  # sine of half the angle
+    if not all(abs(number) <= SIX_DIGITS for number in (x, y, z, half_turn)):
+        raise UsageError(
+            f"{path}: its VIEWPOINT {' '.join(told[:7])[:60]} is a pose of the sensor, and its points may be"
+            " in the sensor's axes or placed already: apply it (pcl_transform_from_viewpoint) or write"
+            f" {IDENTITY}"
+        )
+
+
+def _omits_padding(
+    file: BinaryIO, names: list[str], forms: list[str], counts: list[int], n_points: int
+) -> bool:
+    """Return whether a compressed block, which begins here, lacks the padding, as PCL has it."""
+    start = file.tell()
+    head = file.read(8)
+    file.seek(start)
+    sizes = [np.dtype(form).itemsize * count for form, count in zip(forms, counts, strict=True)]
+    dense = sum(size for name, size in zip(names, sizes, strict=True) if name != PADDING)
+    return dense < sum(sizes) and head[4:] == struct.pack("<I", dense * n_points)
+
+
 def _filled(file: BinaryIO, end: int, record_bytes: int) -> int:
     """Return the number of whole records behind the last point, 0 if they are padding."""
     file.seek(0, 2)
@@ -285,7 +332,7 @@ def _fields(names: list[str], forms: list[str], counts: list[int]) -> tuple[Fiel
     offset = column = 0
     for name, form, count in zip(names, forms, counts, strict=True):
         if count == 1:
-            found.setdefault(name, Field(name, form, offset, column))
+            found.setdefault(name.lower(), Field(name.lower(), form, offset, column))
         offset += np.dtype(form).itemsize * count
         column += count
     return tuple(found.values())

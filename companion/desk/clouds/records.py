@@ -101,7 +101,7 @@ def from_records(
 def from_lines(
     lines: Iterator[str], columns: tuple[int, ...], separator: str | None, n_points: int, path: Path
 ) -> Iterator[NDArray[np.float64]]:
-    """Read (n, 3) coordinates from at most `n_points` lines of numbers, a million at a time.
+    """Read (n, columns) numbers from at most `n_points` lines of numbers, a million at a time.
 
     Empty lines are skipped. Raises `UsageError` with the first line that has no such numbers.
     """
@@ -118,7 +118,7 @@ def from_lines(
                 except ValueError:
                     raise UsageError(_bad_line(path, some, columns, separator)) from None
         n += len(points)
-        yield points.reshape(-1, 3)
+        yield points.reshape(-1, len(columns))
 
 
 def _numbers(lines: list[str], columns: tuple[int, ...], separator: str | None) -> NDArray[np.float64]:

@@ -56,7 +56,7 @@ class CloudFolder:
 
 
 def _read(stamp_ns: int, path: Path) -> StampedCloud:
-    return StampedCloud(stamp_ns, "", open_pcd(path, _NOWHERE).records())
+    return StampedCloud(stamp_ns, "", open_pcd(path, _NOWHERE, in_sensor_axes=True).records())
 
 
 _NOWHERE = from_option("EPSG:4326")  # the reader requires a CRS, though the points are in the sensor's axes

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from companion.desk.clouds.cloud import read
+from companion.desk.clouds.crs import from_option
+from companion.desk.clouds.pcd import open_pcd
 from companion.runtime.errors import CompanionError, UsageError
 from tests.unit.companion.desk.survey.clouds import write
 
@@ -94,7 +96,14 @@ PCDS: dict[str, bytes] = {
         struct.pack("<II", len(PLAIN), len(PLAIN)) + np.ascontiguousarray(POINTS.T).astype("<f8").tobytes(),
         "binary_compressed",
     ),
-    "pcl_ros, organised": pcd(f"{PLAINLY}WIDTH 1\nHEIGHT 3\nVIEWPOINT 1.5 2 3 1 0 0 0\nPOINTS 3\n"),
+    "PCL, compressed without padding": pcd(
+        f"{TITLE}FIELDS x y _ z\nSIZE 8 8 1 8\nTYPE F F U F\nCOUNT 1 1 4 1\n{COUNTS}",
+        struct.pack("<II", len(PLAIN), len(PLAIN)) + np.ascontiguousarray(POINTS.T).astype("<f8").tobytes(),
+        "binary_compressed",
+    ),
+    "pcl_ros, organised": pcd(f"{PLAINLY}WIDTH 1\nHEIGHT 3\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 3\n"),
+    "pose of no turn, of either sign": pcd(PLAINLY + COUNTS.replace("1 0 0 0", "-1 0 0 -1e-9")),
+    "pose of zeros": pcd(PLAINLY + COUNTS.replace("1 0 0 0", "0 0 0 0")),
     "version .5": pcd("# .PCD v.5\nVERSION .5\nCOLUMNS x y z\nPOINTS 3\n", ascii_rows(), "ascii"),
     "version .6, no COUNT": pcd(
         "VERSION .6\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 3\nHEIGHT 1\nPOINTS 3\n",
@@ -140,6 +149,8 @@ FEWER = COUNTS.replace("3", "2")
         (BINARY.replace(b"FIELDS", b"FJELDS") + PLAIN, "'FJELDS x y z' is not known"),
         (BINARY.replace(b"VERSION", b"\x80\x01VERS") + PLAIN, "bytes that are no text"),
         (BINARY.replace(b"x y z", b"x X z") + PLAIN, "it has x twice"),
+        (BINARY.replace(b"F F F", b"I I I") + PLAIN, "its x is int64, not one floating point number"),
+        (pcd(PLAINLY + COUNTS.replace("0 0 0 1 0", "0 0 0")), "VIEWPOINT is not seven numbers"),
         (BINARY.replace(b"\n", b"\r") + PLAIN, "carriage returns alone"),
         (pcd(PLAINLY + FEWER), "tells of 2 points, at least 1 follow"),
         (pcd(PLAINLY + COUNTS.replace("3", "0")), "tells of 0 points, at least 3 follow"),
@@ -152,6 +163,27 @@ def test_pcd_headers_that_cannot_be_are_one_line_without_raw_bytes(
     tmp_path: Path, content: bytes, says: str
 ) -> None:
     assert says in refusal(put(tmp_path / "a.pcd", content))
+
+
+@pytest.mark.parametrize(
+    "pose", ["1.5 2 3 1 0 0 0", "0 0 0 0.7071068 0 0 0.7071068", "500000 4.9e6 nan 1 0 0 0", "0 0 0 0 0 0 1"]
+)
+def test_a_pose_that_may_have_moved_the_points_is_refused(tmp_path: Path, pose: str) -> None:
+    path = put(tmp_path / "a.pcd", pcd(PLAINLY + COUNTS.replace("0 0 0 1 0 0 0", pose)))
+    assert f"its VIEWPOINT {pose} is a pose of the sensor" in refusal(path)
+    # In the sensor's own axes, as in a folder of scans, nothing has to be moved.
+    assert len(open_pcd(path, from_option(CRS), in_sensor_axes=True).records()) == len(POINTS)
+
+
+def test_the_records_of_a_scan_are_those_of_a_map(tmp_path: Path) -> None:
+    plain = f"VERSION 0.7\nFIELDS X Y Z Intensity\nSIZE 8 8 8 4\nTYPE F F F F\n{COUNTS}"
+    path = put(tmp_path / "a.pcd", pcd(plain, ascii_rows(after=" 1.#QNAN"), "ascii"))
+    table = open_pcd(path, from_option(CRS)).records()
+    assert table.dtype.names == ("x", "y", "z", "intensity")
+    np.testing.assert_array_equal(np.column_stack([table[axis] for axis in "xyz"]), POINTS)
+    put(path, path.read_bytes() + ascii_rows(after=" 7").encode())
+    with pytest.raises(UsageError, match="tells of 3 points, at least 3 follow"):
+        open_pcd(path, from_option(CRS)).records()
 
 
 LITTLE = "binary_little_endian"
