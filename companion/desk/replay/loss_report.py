@@ -82,6 +82,7 @@ def why_nothing(feed: Feed, rerun: Rerun) -> str:
     others = [
         *clock_steps(feed.summary()),
         *snapped_packets(feed.summary()),
+        *feed.summary().get("not_read", ()),
         *absent(feed.summary()),
         *([f"{feed.bad} messages cannot be read"] if feed.bad else []),
     ]

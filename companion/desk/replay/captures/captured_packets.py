@@ -64,6 +64,7 @@ class CapturedPackets:
             "lidar": self._kind_told,
             "packets": packets,
             "no_udp": capture.other,
+            "not_read": capture.not_read,
             "unreadable": capture.bad,
             "snapped": capture.snapped,
             "snapped_bytes": capture.snapped_bytes,
@@ -108,10 +109,10 @@ class CapturedPackets:
         snapped = snapped_packets(self.summary())
         if snapped:
             raise UsageError(f"{path}: no UDP packet of it is whole: {'; '.join(snapped)}")
-        lost = f"; {self.cut}" if self.cut else ""
-        raise UsageError(
-            f"{path}: none of its {n_udp} UDP packets is of a known LiDAR: name it by --lidar{lost}"
-        )
+        what = f"none of its {n_udp} UDP packets is of a known LiDAR: name it by --lidar"
+        if not n_udp:
+            what = "it holds no UDP packet that has a time"
+        raise UsageError("; ".join(filter(None, [f"{path}: {what}", *self._capture.not_read, self.cut])))
 
 
 def snapped_packets(source: Mapping[str, Any]) -> list[str]:

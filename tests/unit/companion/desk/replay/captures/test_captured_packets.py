@@ -62,3 +62,11 @@ def test_a_capture_whose_packets_were_all_cut_says_how_to_capture(tmp_path: Path
 
 def test_a_capture_of_nothing_known_is_refused(tmp_path: Path) -> None:
     assert "none of its 2 UDP packets is of a known LiDAR" in refusal(write(tmp_path / "a.pcap", b"a", b"b"))
+
+
+def test_a_capture_of_another_link_type_says_so_and_asks_for_no_name(tmp_path: Path) -> None:
+    path = write(tmp_path / "a.pcap", b"a", b"b")
+    path.write_bytes(path.read_bytes()[:20] + struct.pack("<I", 127) + path.read_bytes()[24:])
+    said = refusal(path)
+    assert "no UDP packet that has a time; 2 packets are of link type 127, which is not read" in said
+    assert "--lidar" not in said

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import bz2
+import gzip
+import lzma
 import struct
 from pathlib import Path
 from typing import Any
@@ -10,6 +13,7 @@ import dpkt
 import pytest
 
 from companion.desk.replay.captures.pcap import UNFINISHED, Capture, Datagram
+from companion.runtime.errors import UsageError
 from tests.unit.companion.desk.replay.flights import BEGIN_NS
 
 SENDER = "10.0.0.1"
@@ -46,8 +50,12 @@ def capture(path: Path, link: int, *frames: bytes) -> tuple[Capture, list[Datagr
 
 FRAMES = {
     "Ethernet": (ETHERNET, bytes(12) + b"\x08\x00"),
+    "Ethernet of a VLAN": (ETHERNET, bytes(12) + b"\x81\x00\x00\x05\x08\x00"),
+    "Ethernet of a VLAN in another": (ETHERNET, bytes(12) + b"\x88\xa8\x00\x07\x81\x00\x00\x05\x08\x00"),
     "Linux cooked": (113, b"\x00\x00\x00\x01\x00\x06" + bytes(8) + b"\x08\x00"),
+    "Linux cooked of a VLAN": (113, bytes(14) + b"\x81\x00\x00\x05\x08\x00"),
     "Linux cooked, second version": (276, b"\x08\x00" + bytes(18)),
+    "Linux cooked, second version, of a VLAN": (276, b"\x81\x00" + bytes(18) + b"\x00\x05\x08\x00"),
     "loopback of BSD": (0, b"\x02\x00\x00\x00"),
     "loopback of OpenBSD": (108, b"\x00\x00\x00\x02"),
     "raw IP": (RAW, b""),
@@ -69,12 +77,44 @@ def test_packets_of_an_unknown_kind_of_link_are_counted_as_others(tmp_path: Path
     read, found = capture(tmp_path / "a.pcap", USER, ip(udp(b"one")), b"")
     assert not found
     assert (read.other, read.bad) == (2, 0)
+    assert read.not_read == ["2 packets are of link type 147, which is not read: capture on Ethernet"]
 
 
 def test_datagrams_of_ipv6_are_taken_and_its_other_packets_are_not(tmp_path: Path) -> None:
     read, found = capture(tmp_path / "a.pcap", RAW, ip6(udp(b"one")), ip6(bytes(20), kind=6))
     assert [d.data for d in found] == [b"one"]
     assert (read.other, read.bad) == (1, 0)
+
+
+HOP_BY_HOP, FRAGMENT, OPTIONS = 0, 44, 60
+
+
+@pytest.mark.parametrize("kind", [HOP_BY_HOP, OPTIONS])
+def test_datagrams_behind_extensions_of_ipv6_are_taken(tmp_path: Path, kind: int) -> None:
+    extension = bytes([17, 0, 1, 4, 0, 0, 0, 0])
+    read, found = capture(tmp_path / "a.pcap", RAW, ip6(extension + udp(b"one"), kind))
+    assert [d.data for d in found] == [b"one"]
+    assert (read.other, read.bad) == (0, 0)
+
+
+def test_fragments_of_ipv6_make_one_datagram(tmp_path: Path) -> None:
+    whole = udp(b"a" * 40)
+    parts = [(0, 1, whole[:16]), (2, 0, whole[16:])]
+    frames = [ip6(struct.pack(">BxHI", 17, at << 3 | more, 7) + data, FRAGMENT) for at, more, data in parts]
+    for order in (frames, frames[::-1]):
+        _, found = capture(tmp_path / "a.pcap", RAW, *order)
+        assert [d.data for d in found] == [b"a" * 40]
+
+
+PACKED = {"gzip": gzip.compress(bytes(99)), "bzip2": bz2.compress(bytes(99)), "xz": lzma.compress(bytes(99))}
+
+
+@pytest.mark.parametrize(("by", "content"), PACKED.items(), ids=PACKED)
+def test_a_compressed_capture_is_named(tmp_path: Path, by: str, content: bytes) -> None:
+    path = tmp_path / "a.pcap"
+    path.write_bytes(content)
+    with pytest.raises(UsageError, match=f"compressed by {by}.*unpack it"):
+        Capture(path)
 
 
 def test_frames_that_end_too_early_are_counted_as_bad(tmp_path: Path) -> None:
