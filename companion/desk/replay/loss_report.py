@@ -149,7 +149,7 @@ def clock_steps(source: Counts) -> list[str]:
     """Return a sentence for each time that the recorder's clock was set."""
     return [
         f"the recorder's clock was set by {one['step_ns'] * 1e-9:+.1f} s at {time_of_day(one['at_ns'])}:"
-        " cut log and points there, and replay the parts"
+        " times before it are counted on the clock after it"
         for one in source.get("clock_steps", ())
     ]
 

@@ -17,7 +17,8 @@ from companion.desk.replay.foreign_replay import Feed, Rerun
 from companion.desk.replay.ros.mcap_stream import is_bag
 from companion.desk.replay.ros.ros_feed import LEVEL_MOUNT, RosFeed
 from companion.desk.replay.telemetry.logged_vehicle import tells_fix, vehicle_of
-from companion.desk.replay.telemetry.telemetry_feed import TelemetryFeed
+from companion.desk.replay.telemetry.recorder_clock import ContinuousTime
+from companion.desk.replay.telemetry.telemetry_feed import TelemetryFeed, clock_steps
 from companion.desk.replay.telemetry.telemetry_log import TelemetryLog
 from companion.runtime.errors import UsageError
 from params import Parameters
@@ -109,7 +110,7 @@ def _telemetry(path: Path, options: RecordingOptions) -> Feed:
     system = vehicle_of(path, log, options.system)
     vehicle = system, tells_fix(log, system)
     if placed:
-        return TelemetryFeed(log, StoredCloud(points, _span_ns(log), options.vertical_unit), *vehicle)
+        return TelemetryFeed(log, StoredCloud(points, _span_ns(log, system), options.vertical_unit), *vehicle)
     if folder:
         return TelemetryFeed(log, CloudFolder(points), *vehicle)
     if points.suffix.lower() in CLOUDS:
@@ -117,9 +118,10 @@ def _telemetry(path: Path, options: RecordingOptions) -> Feed:
     return TelemetryFeed(log, CapturedPackets(points, options.lidar), *vehicle)
 
 
-def _span_ns(log: TelemetryLog) -> tuple[int, int]:
+def _span_ns(log: TelemetryLog, system: int | None) -> tuple[int, int]:
     """Return the first and the last time of a log."""
-    times = np.fromiter((logged.at_ns for logged in log.messages()), np.int64)
+    recorded = ContinuousTime(clock_steps(log, system))
+    times = np.fromiter((recorded(logged.at_ns) for logged in log.messages()), np.int64)
     return int(times.min()), int(times.max())
 
 

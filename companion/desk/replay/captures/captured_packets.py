@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from companion.desk.replay.captures.pcap import Capture, Datagram
 from companion.desk.replay.foreign_replay import Act, Rerun
+from companion.desk.replay.telemetry.recorder_clock import ClockStep, continuous_time
 from companion.flight.sensors.lidar_url import read_metadata
 from companion.flight.sensors.packet_identification import identify_packet, is_points
 from companion.flight.sensors.packet_stream import PacketStream
@@ -70,17 +72,18 @@ class CapturedPackets:
             "snapped_bytes": capture.snapped_bytes,
         }
 
-    def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
+    def steps(self, rerun: Rerun, clock_steps: Sequence[ClockStep]) -> Iterator[tuple[int, Act]]:
         decoder = decoder_for(self._kind_told, self._metadata)
         stream = self._stream = PacketStream(decoder, rerun.parameters, rerun.add_returns, lambda: 0)
         stream.on_imu.subscribe(rerun.on_imu.emit)
         rerun.diagnosis = stream.diagnosis
         rerun.diagnosis.repeated = lambda: rerun.assembler.repeated
         see = _BatchDecoder(stream)
+        recorded = continuous_time(clock_steps, (one.at_ns for one in self._capture.datagrams()))
         at_ns = 0
         for datagram in self._capture.datagrams():
-            at_ns = datagram.at_ns
-            yield at_ns, partial(see, datagram)
+            at_ns = recorded(datagram.at_ns)
+            yield at_ns, partial(see, replace(datagram, at_ns=at_ns))
         yield at_ns, partial(stream.flush, at_ns)
 
     def _kind(self, path: Path, lidar: str | None) -> str:

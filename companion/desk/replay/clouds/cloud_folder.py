@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,7 @@ from companion.desk.clouds.pcd import open_pcd
 from companion.desk.replay.clouds.cloud_counts import CloudCounts
 from companion.desk.replay.clouds.scan_names import stamps_of
 from companion.desk.replay.foreign_replay import Act, Rerun
+from companion.desk.replay.telemetry.recorder_clock import ClockStep, continuous_time
 from companion.flight.sensors.decoders.point_clock import PointClock
 from companion.flight.sensors.decoders.point_cloud import StampedCloud, clock_of, decode
 from companion.runtime.errors import UsageError
@@ -43,16 +45,18 @@ class CloudFolder:
     def summary(self) -> dict[str, Any]:
         return self._counts.summary(self._clock)
 
-    def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
+    def steps(self, rerun: Rerun, clock_steps: Sequence[ClockStep]) -> Iterator[tuple[int, Act]]:
         self._counts = CloudCounts()
+        recorded = continuous_time(clock_steps, [stamp_ns for stamp_ns, _ in self._files])
         for stamp_ns, path in self._files:
-            yield stamp_ns, partial(self._hand, rerun, stamp_ns, path)
+            at_ns = recorded(stamp_ns)
+            yield at_ns, partial(self._hand, rerun, stamp_ns, at_ns - stamp_ns, path)
 
-    def _hand(self, rerun: Rerun, stamp_ns: int, path: Path) -> None:
+    def _hand(self, rerun: Rerun, stamp_ns: int, later_ns: int, path: Path) -> None:
         clock = self._clock if isinstance(self._clock, PointClock) else None
         decoded = decode(_read(stamp_ns, path).table, stamp_ns, clock)
         self._counts.add(decoded)
-        rerun.add_returns(decoded.returns)
+        rerun.add_returns(replace(decoded.returns, stamp_ns=decoded.returns.stamp_ns + later_ns))
 
 
 def _read(stamp_ns: int, path: Path) -> StampedCloud:

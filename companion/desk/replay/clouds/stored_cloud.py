@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,6 +16,7 @@ from companion.desk.clouds.cloud_source import Clock
 from companion.desk.clouds.las import open_las
 from companion.desk.replay.clouds.gps_time import NAMES, first_by_header, resolve_times, span_by_header
 from companion.desk.replay.foreign_replay import Act, Rerun
+from companion.desk.replay.telemetry.recorder_clock import ClockStep
 from companion.desk.replay.time_of_day import fitting_offset, time_of_day
 from companion.desk.survey.coordinate_steps import check_steps
 from companion.runtime.errors import UsageError
@@ -89,7 +90,7 @@ class StoredCloud:
             "times_in_header": NAMES[self._header],
         }
 
-    def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
+    def steps(self, rerun: Rerun, _clock_steps: Sequence[ClockStep]) -> Iterator[tuple[int, Act]]:
         unit_m = self._reference.unit_m or DEGREE_M
         lengths_m = unit_m, unit_m, self._reference.vertical_m
         check_steps(str(self._path), self._scales, lengths_m, rerun.parameters)

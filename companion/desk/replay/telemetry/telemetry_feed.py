@@ -5,7 +5,8 @@ from __future__ import annotations
 import heapq
 import math
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, replace
 from functools import partial
 from operator import itemgetter
 from typing import Any, Protocol
@@ -14,7 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.desk.replay.foreign_replay import Act, Rerun
 from companion.desk.replay.recorded_sensors import ORDERS
-from companion.desk.replay.telemetry.recorder_clock import RecorderClock
+from companion.desk.replay.telemetry.recorder_clock import ClockStep, ContinuousTime, RecorderClock
 from companion.desk.replay.telemetry.telemetry_log import Logged, TelemetryLog
 from companion.flight.link.command_server import CommandServer
 from companion.flight.link.inbox import Inbox
@@ -40,12 +41,15 @@ class LoggedPoints(Protocol):
     def summary(self) -> dict[str, Any]:
         """Return the chosen sources and the counts, for JSON."""
 
-    def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
-        """Yield every part in order: its time of day (ns), and the call that hands it over."""
+    def steps(self, rerun: Rerun, clock_steps: Sequence[ClockStep]) -> Iterator[tuple[int, Act]]:
+        """Yield every part in order: its time of day (ns), and the call that hands it over.
+
+        clock_steps: of the recorder's clock; the times are those of that clock at its end.
+        """
 
 
 class TelemetryFeed:
-    """Feed of FLIGHT.tlog and its points.
+    """Feed of FLIGHT.tlog and its points; both are on the recorder's clock, as it was at the end.
 
     Parameters
     ----------
@@ -63,7 +67,7 @@ class TelemetryFeed:
         self._system = system
         self._gate = PositionGate(sys.maxsize if tells_fix else 0)
         self._repeated = RepeatedFrames()
-        self._clock = RecorderClock()
+        self._clock_steps = clock_steps(log, system)
         self._inbox: Inbox | None = None
 
     @property
@@ -81,12 +85,12 @@ class TelemetryFeed:
             "positions_without_fix": self._gate.refused,
             "frames_repeated": self._repeated.copies,
             "messages_late": old,
-            "clock_steps": [{"at_ns": at_ns, "step_ns": step_ns} for at_ns, step_ns in self._clock.steps],
+            "clock_steps": [asdict(step) for step in self._clock_steps],
         }
         return counts | self._points.summary()
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
-        self._repeated, self._clock = RepeatedFrames(), RecorderClock()
+        self._repeated = RepeatedFrames()
         inbox = self._inbox = Inbox(
             Codec(rerun.parameters.component_id), CommandServer(), VehicleIdentity(self._system), self._gate
         )
@@ -99,14 +103,25 @@ class TelemetryFeed:
             for logged in self._messages()
             if not self._repeated.is_copy(logged.message, logged.at_ns)
         )
-        return heapq.merge(heard, self._points.steps(rerun), key=itemgetter(0))
+        return heapq.merge(heard, self._points.steps(rerun, self._clock_steps), key=itemgetter(0))
 
     def _messages(self) -> Iterator[Logged]:
+        recorded = ContinuousTime(self._clock_steps)
         for logged in self._log.messages():
-            message = logged.message
-            if (message.get_srcSystem(), message.get_srcComponent()) == (self._system, AUTOPILOT):
-                self._clock.note(message, logged.at_ns)
-            yield logged
+            yield replace(logged, at_ns=recorded(logged.at_ns))
+
+
+def clock_steps(log: TelemetryLog, system: int | None) -> tuple[ClockStep, ...]:
+    """Return the steps of the recorder's clock by the time of the vehicle's autopilot."""
+    clock = RecorderClock()
+    for logged in log.only(
+        mavlink.MAVLINK_MSG_ID_ATTITUDE,
+        mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION,
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+    ):
+        if (logged.message.get_srcSystem(), logged.message.get_srcComponent()) == (system, AUTOPILOT):
+            clock.note(logged.message, logged.at_ns)
+    return clock.steps()
 
 
 class _LogHandler:

@@ -39,6 +39,7 @@ SECONDS, RATE_HZ, POSE_MS, SCAN_MS = 5.0, 20_000, 40, 100
 CLOUD_FIELDS = (("x", 0, 7), ("y", 4, 7), ("z", 8, 7), ("intensity", 12, 7), ("t", 16, 6))
 CLOUD_STEP = 20
 STEP_NS = 50_000_000
+SET_NS = 2_020_000_000  # when the recorder's clock is set, since the beginning
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 
 
@@ -140,17 +141,24 @@ def write_own(out: Path, messages: list[Raw]) -> Path:
 
 
 def write_tlog(
-    out: Path, angles: bool = False, shift_ns: int = 0, old: bool = False, again_ns: tuple[int, ...] = ()
+    out: Path,
+    angles: bool = False,
+    shift_ns: int = 0,
+    old: bool = False,
+    again_ns: tuple[int, ...] = (),
+    early_ns: int = 0,
 ) -> Path:
     """Write what a ground station logs: heartbeats, attitudes as quaternions or angles, positions.
 
-    again_ns: times after which each frame comes once more.
+    again_ns: times after which each frame comes once more. early_ns: added to the times before `SET_NS`, when
+    the recorder's clock was set.
     """
     log = bytearray()
     frames = _telemetry(angles, old)
     frames += [(at_ns + late_ns, frame) for late_ns in again_ns for at_ns, frame in frames]
     for at_ns, frame in sorted(frames, key=itemgetter(0)):
-        log.extend(struct.pack(">Q", (BEGIN_NS + shift_ns + at_ns) // 1000) + frame)
+        told_ns = BEGIN_NS + shift_ns + at_ns + early_ns * (at_ns < SET_NS)
+        log.extend(struct.pack(">Q", told_ns // 1000) + frame)
     out.write_bytes(log)
     return out
 
@@ -188,12 +196,15 @@ def _telemetry(angles: bool, old: bool = False) -> list[tuple[int, bytes]]:
     return found
 
 
-def write_pcap(out: Path, cut_up: bool = False, shift_ns: int = 0) -> Path:
-    """Write the packets as Ethernet frames, with others between; or each cut up in two fragments."""
+def write_pcap(out: Path, cut_up: bool = False, shift_ns: int = 0, early_ns: int = 0) -> Path:
+    """Write the packets as Ethernet frames, with others between; or each cut up in two fragments.
+
+    early_ns: as in `write_tlog`.
+    """
     with out.open("wb") as file:
         writer = dpkt.pcap.Writer(file)
         for k, (taken_ns, data) in enumerate(packets()):
-            at_ns = taken_ns + shift_ns
+            at_ns = taken_ns + shift_ns + early_ns * (taken_ns < SET_NS)
             udp = bytes(dpkt.udp.UDP(sport=56300, dport=56301, data=data, ulen=8 + len(data)))
             pieces = [(0, 0, udp)] if not cut_up else [(1, 0, udp[:800]), (0, 100, udp[800:])]
             for more, offset, piece in pieces:
@@ -243,13 +254,14 @@ def write_laz(
     return out
 
 
-def write_pcds(folder: Path) -> Path:
-    """Write a PCD file for each tenth of a second, named by its middle."""
+def write_pcds(folder: Path, early_ns: int = 0) -> Path:
+    """Write a PCD file for each tenth of a second, named by its middle; early_ns: as in `write_tlog`."""
     folder.mkdir()
     points, stamps = returns()
     for k in range(round(SECONDS * 10)):
         part = points[(stamps >= k * 10**8) & (stamps < (k + 1) * 10**8)]
         at_ns = BEGIN_NS + k * 10**8 + 50_000_000
+        at_ns += early_ns * (at_ns - BEGIN_NS < SET_NS)
         head = (
             "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\n"
             f"WIDTH {len(part)}\nHEIGHT 1\nPOINTS {len(part)}\nDATA binary\n"

@@ -446,6 +446,31 @@ def test_a_flight_recorded_without_a_clock_is_read(tmp_path: Path, begin_s: int)
     check_zones(again(log, points=str(flights.write_pcap(tmp_path / "lidar.pcap", shift_ns=shift_ns))))
 
 
+YEAR_NS = 31_536_000 * 10**9
+
+
+@pytest.mark.parametrize("early_ns", [2 * 10**9, -3 * 10**9, -10_800 * 10**9, YEAR_NS, -25 * YEAR_NS])
+def test_a_clock_that_is_set_in_flight_costs_nothing(tmp_path: Path, early_ns: int) -> None:
+    """GNSS or NTP sets the recorder's clock, and the times of both files step at once."""
+    log = flights.write_tlog(tmp_path / "flight.tlog", early_ns=early_ns)
+    summary = again(log, points=str(flights.write_pcap(tmp_path / "lidar.pcap", early_ns=early_ns)))
+    check_zones(summary)
+    assert summary["source"]["packets"]["clock_resets"] == 0
+    steps = [step["step_ns"] for step in summary["source"]["clock_steps"]]
+    assert steps == pytest.approx([-early_ns] * (abs(early_ns) != 3 * 10**9), abs=10**6)
+
+
+def test_points_beside_a_log_whose_clock_is_set_are_on_the_clock_of_its_end(
+    files: Path, tmp_path: Path
+) -> None:
+    early_ns = -10 * YEAR_NS
+    log = flights.write_tlog(tmp_path / "flight.tlog", early_ns=early_ns)
+    check_zones(again(log, points=str(files / "lidar.pcap")))  # of a computer that had the time
+    check_zones(again(log, points=str(flights.write_laz(tmp_path / "cloud.laz"))))
+    scans = flights.write_pcds(tmp_path / "scans", early_ns=early_ns)
+    assert again(log, points=str(scans))["returns"]["without_pose"] == 0
+
+
 def test_frames_of_the_older_mavlink_are_read_alike(tmp_path: Path) -> None:
     logs = [TelemetryLog(flights.write_tlog(tmp_path / f"{old}.tlog", old=old)) for old in (False, True)]
     new, old = ([(m.at_ns, m.message.to_dict()) for m in log.messages()] for log in logs)
@@ -516,7 +541,7 @@ def test_a_folder_without_scans_is_one_line(files: Path, tmp_path: Path) -> None
 def test_placed_points_before_the_first_position_are_counted_and_left_out(tmp_path: Path) -> None:
     cloud = StoredCloud(flights.write_laz(tmp_path / "cloud.laz"), SPAN_NS)
     rerun = Rerun(flights.PARAMETERS)
-    steps = list(cloud.steps(rerun))
+    steps = list(cloud.steps(rerun, ()))
     for _, act in steps[:3]:
         rerun.hand_over(act)
     assert rerun.returns == 0
@@ -540,7 +565,7 @@ def test_a_placed_cloud_brings_intensity_and_return_numbers(tmp_path: Path) -> N
     rerun = Rerun(flights.PARAMETERS)
     rerun.add_placed = scans.append  # type: ignore[method-assign]
     rerun.history.add_position(BEGIN_NS, HOME.lat_deg, HOME.lon_deg, HOME.alt_m, (0.0, 0.0, 0.0))
-    for _, act in StoredCloud(path, SPAN_NS).steps(rerun):
+    for _, act in StoredCloud(path, SPAN_NS).steps(rerun, ()):
         rerun.hand_over(act)
     window = join(scans)
     assert window.attributes is not None

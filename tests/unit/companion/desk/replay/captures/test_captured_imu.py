@@ -39,7 +39,7 @@ def test_a_capture_gives_the_samples_on_the_clock_of_its_points(tmp_path: Path) 
     feed, rerun = CapturedPackets(path, None), Rerun(flights.PARAMETERS)
     found: list[ImuSamples] = []
     rerun.on_imu.subscribe(found.append)
-    for _, act in feed.steps(rerun):
+    for _, act in feed.steps(rerun, ()):
         rerun.hand_over(act)
     assert feed.summary()["packets"]["imu"] == 10
     rates = np.concatenate([samples.rate_rads for samples in found])
