@@ -38,6 +38,7 @@ def lost_for_time(source: Counts, returns: Counts) -> list[str]:
         (returns["stale"], f"of {read} returns were too far from any pose (pose_timeout_s)"),
         (source.get("points_outside_log", 0), f"of {points} points were not measured during the log"),
         (source.get("before_position", 0), f"of {points} points were measured before the first position"),
+        (source.get("messages_without_stamp", 0), "messages were dropped: they have no time, as others have"),
         (
             source.get("points_with_false_times", 0),
             "points were dropped: their times are far from those of their clouds",
@@ -48,6 +49,10 @@ def lost_for_time(source: Counts, returns: Counts) -> list[str]:
         ),
     ]
     said = [f"{count} {sentence}" for count, sentence in found if count]
+    said += [
+        f"messages on {topic} have no time: that of the recorder is used, which is later by the delay"
+        for topic in source.get("stamped_by_recorder", ())
+    ]
     said += snapped_packets(source)
     if source.get("unreadable"):
         said.append(f"{source['unreadable']} packets of the capture cannot be read")

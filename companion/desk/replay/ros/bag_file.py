@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +53,7 @@ class BagFile:
     def messages(self, topics: Sequence[str]) -> Iterator[tuple[int, int, str, Any]]:
         """Yield times of recording and of the header (ns), topic and message, in the order of recording.
 
-        A cloud of any type is a `StampedCloud`.
+        A header's time of 0 is none. A cloud of any type is a `StampedCloud`.
         """
         self.bad, self.cut = 0, ""
         with self._opened() as reader:
@@ -75,9 +74,7 @@ class BagFile:
                     continue
                 try:
                     message = self._message(raw, connection.msgtype)
-                    stamp_ns = _stamp_ns(message) or at_ns
-                    if isinstance(message, StampedCloud):
-                        message = replace(message, stamp_ns=stamp_ns)
+                    stamp_ns = _stamp_ns(message)
                 except Exception:  # the generated code may raise anything
                     self.bad += 1
                     continue

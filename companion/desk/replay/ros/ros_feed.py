@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +14,7 @@ from companion.desk.replay.foreign_replay import Act, Rerun
 from companion.desk.replay.ros.bag_file import CLOUDS, BagFile
 from companion.desk.replay.ros.ros_pose import GlobalPoses, LocalPoses
 from companion.flight.sensors.decoders.point_clock import PointClock
-from companion.flight.sensors.decoders.point_cloud import StampedCloud, clock_of, decode
+from companion.flight.sensors.decoders.point_cloud import LOOKED_AT, StampedCloud, clock_of, decode
 from companion.runtime.errors import UsageError
 
 FIX, IMU = "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/Imu"
@@ -58,8 +60,10 @@ class RosFeed:
         self._points = _points_topic(path, types, points)
         self._poses = _pose_topics(path, types, poses)
         self.is_local = types[self._poses[0]] in LOCAL
+        self._unstamped = [topic for topic in (self._points, *self._poses) if not self._has_stamps(topic)]
+        self._without_stamp = 0
         self.body_points = self._compare_frames()
-        self._clock = clock_of(message for *_, message in self._bag.messages((self._points,)))
+        self._clock = clock_of(message for *_, message in self._messages((self._points,)))
 
     @property
     def cut(self) -> str:
@@ -70,18 +74,36 @@ class RosFeed:
         return self._bad + self._bag.bad
 
     def summary(self) -> dict[str, Any]:
-        return {"points": self._points, "poses": list(self._poses)} | self._counts.summary(self._clock)
+        stamps = {"stamped_by_recorder": self._unstamped, "messages_without_stamp": self._without_stamp}
+        topics = {"points": self._points, "poses": list(self._poses)}
+        return topics | stamps | self._counts.summary(self._clock)
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
         poses = (LocalPoses if self.is_local else GlobalPoses)(rerun.history)
         self._bad, at_ns, self._counts = 0, 0, CloudCounts()
-        for at_ns, stamp_ns, topic, message in self._bag.messages((self._points, *self._poses)):
+        for at_ns, stamp_ns, topic, message in self._messages((self._points, *self._poses)):
             if topic == self._points:
                 yield at_ns, partial(self._cloud, message, rerun)
             else:
                 yield at_ns, partial(self._pose, message, stamp_ns, poses)
         self._bad += poses.refused
         yield at_ns, poses.finish
+
+    def _has_stamps(self, topic: str) -> bool:
+        messages = islice(self._bag.messages((topic,)), LOOKED_AT)
+        return any(stamp_ns for _, stamp_ns, *_ in messages)
+
+    def _messages(self, topics: Sequence[str]) -> Iterator[tuple[int, int, str, Any]]:
+        """Yield the messages of the bag that have a time: the recorder's where a topic has no other."""
+        self._without_stamp = 0
+        for at_ns, told_ns, topic, message in self._bag.messages(topics):
+            if not told_ns and topic not in self._unstamped:
+                self._without_stamp += 1
+                continue
+            stamp_ns = told_ns or at_ns
+            if isinstance(message, StampedCloud):
+                message = replace(message, stamp_ns=stamp_ns)
+            yield at_ns, stamp_ns, topic, message
 
     def _cloud(self, cloud: StampedCloud, rerun: Rerun) -> None:
         clock = self._clock if isinstance(self._clock, PointClock) else None

@@ -137,10 +137,11 @@ class _Velocity:
 
     def add(self, stamp_ns: int, place: Place, metres: Place) -> None:
         """Add a position, in the units of the callback and in metres east, north, up."""
+        if self._last is not None and not 0 < stamp_ns - self._last[0] <= AHEAD_NS:
+            self.finish()  # another clock, or a pause
+            self._before = None
         if self._last is not None:
             last_ns, last_place, last_metres = self._last
-            if stamp_ns <= last_ns:
-                return
             before_ns, before = self._before or (last_ns, last_metres)
             self._placed(last_ns, last_place, _rate(before, metres, stamp_ns - before_ns))
             self._before = last_ns, last_metres

@@ -20,6 +20,7 @@ UNITS_NS = {"s": 1e9, "ms": 1e6, "us": 1e3, "ns": 1.0}
 # cloud. Their ratio is far below 1000, so that two units never fit and an implausible span fits none.
 LEAST_SHARE, MOST_SHARE = 1 / 30, 4.0
 PERIOD_NS = 100_000_000.0  # assumed where the stamps do not show the period
+MOST_GAP_NS = 10_000_000_000  # between two stamps of one clock: a longer one is a false stamp, or a clock set
 QUANTILES = (
     0.02,
     0.1,
@@ -107,6 +108,7 @@ def infer_clock(field: str, samples: Sequence[Sample], stamps_ns: Iterable[int])
     if 2 * len(spans) <= len(samples) or not np.isfinite(spans).all():
         return f"all points of a cloud have one time in {field}"
     gaps_ns = np.diff(sorted(set(stamps_ns))).astype(np.float64)
+    gaps_ns = gaps_ns[gaps_ns <= MOST_GAP_NS]
     found = _unit(float(np.median(spans)), quantiles, gaps_ns)
     if found is None:
         return f"the unit of {field} cannot be told by its span"

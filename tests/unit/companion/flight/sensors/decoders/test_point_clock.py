@@ -83,6 +83,17 @@ def test_times_that_count_from_a_simulation_s_start_are_since_the_stamp() -> Non
     check_times(decoded(clouds), clouds[3].stamp_ns, 10)
 
 
+@pytest.mark.parametrize("later_s", [60, 31_536_000, 1_750_000_000])
+def test_a_clock_that_is_set_between_the_clouds_examined_changes_no_unit(later_s: int) -> None:
+    """Over decades, nanoseconds would pass for seconds."""
+    stamps = [BEGIN_NS + k * PERIOD_NS - later_s * 10**9 * (k < 5) for k in range(10)]
+    clouds = [cloud(stamp, AFTER_NS, "offset_time", "u4") for stamp in stamps]
+    clock = clock_of(clouds)
+    assert isinstance(clock, PointClock)
+    assert (clock.unit, clock.absolute) == ("ns", False)
+    check_times(decoded(clouds), clouds[3].stamp_ns, 1)
+
+
 def test_a_thinned_recording_keeps_its_unit() -> None:
     """Of ten clouds one is left, a tenth of the time between them."""
     clouds = recording(lambda after, _: after * 1e-6, "f4", period_ns=10 * PERIOD_NS)
