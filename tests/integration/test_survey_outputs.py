@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import csv
+import html
 import io
 import json
 import math
@@ -48,6 +49,12 @@ def test_every_output_names_what_its_heights_are_counted_from(out: tuple[Path, d
     assert datum
     assert json.loads((folder / "zones.geojson").read_text("utf-8"))["vertical_datum"] == datum
     assert json.dumps(datum) in (folder / "map.html").read_text("utf-8")
+    rows, _ = zones_within(folder / "zones.fgb", (-180, -90, 180, 90))
+    with (folder / "zones.csv").open(encoding="utf-8") as file:
+        rows += csv.DictReader(file)
+    assert {row["vertical_datum"] for row in rows} == {datum}
+    marks = (folder / "zones.kml").read_text("utf-8").split("<Placemark>")[1:]
+    assert all(datum in html.unescape(mark) and ">clampToGround<" in mark for mark in marks)
     for path in folder.glob("*.tif"):
         with rasterio.open(path) as file:
             assert file.tags()["VERTICAL_DATUM"] == datum

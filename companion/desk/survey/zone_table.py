@@ -22,7 +22,7 @@ from slz import Zone
 def rows(findings: Findings) -> list[dict[str, Any]]:
     """Return one JSON object a zone, the best first; why: the reason it ranks behind the one before.
 
-    lat, lon, elevation_m: the landing point, WGS-84 and metres above the cloud's vertical datum.
+    lat, lon, elevation_m: the landing point, WGS-84 and metres above vertical_datum, the cloud's.
     square_centre: [lon, lat] of the largest safe square. Areas and lengths are those on the ground.
     corridors: the ways in and out, only where they were asked for.
     """
@@ -86,6 +86,7 @@ def _row(zone: Zone, metric: Metric) -> dict[str, Any]:
         "lat": None,
         "lon": None,
         "elevation_m": _number(metric.altitude_m(float(best.enu_m[2])), 3),
+        "vertical_datum": metric.reference.heights,
         "point_certainty": round(best.certainty, 4),
         "point_slope_deg": _number(best.slope_deg, 3),
         "clearance_m": round(best.clearance_m * length, 3),

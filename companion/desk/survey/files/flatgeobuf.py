@@ -19,7 +19,7 @@ NUMBERS = (
 )  # fmt: skip
 COUNTS = ("id", "rank", "boundary_points", "corner_points", "obstacles")
 TEXTS = ("surface", "headings", "blocked_by", "areas", "why")
-OPTIONAL_TEXTS = ("corridors",)
+OPTIONAL_TEXTS = ("vertical_datum", "corridors")
 Degrees = tuple[float, float, float, float]
 
 

@@ -25,6 +25,7 @@ TOLD = (
     ("square_side_m", "side of the largest square", "m"),
     ("clearance_m", "clearance", "m"),
     ("elevation_m", "elevation", "m"),
+    ("vertical_datum", "elevation counted from", ""),
     ("point_certainty", "certainty of the point", ""),
     ("obstacles", "obstacles", ""),
     ("surface", "surface", ""),
@@ -36,8 +37,9 @@ TOLD = (
 
 
 def write_kml(path: Path, shapes: Sequence[MultiPolygon], described: Sequence[dict[str, Any]]) -> None:
-    """Write each zone as a polygon with holes and its landing point as a placemark, on the ground.
+    """Write each zone as a polygon with holes and its landing point as a placemark.
 
+    Both are clamped to the viewer's ground: no height of another datum puts them above or below it.
     shapes: in longitude and latitude. described: `zone_table.rows`, the best first.
     """
     root = Xml.Element("kml", xmlns=NAMESPACE)
@@ -52,6 +54,7 @@ def write_kml(path: Path, shapes: Sequence[MultiPolygon], described: Sequence[di
         outline = _placemark(folder, f"Zone {row['id']}", style, row)
         _polygons(outline, shape)
         point = Xml.SubElement(_placemark(folder, f"Landing point {row['rank']}", style, row), "Point")
+        _text(point, "altitudeMode", "clampToGround")
         _text(point, "coordinates", _place(row["lon"], row["lat"]))
     Xml.indent(root)
     Xml.ElementTree(root).write(path, "utf-8", xml_declaration=True)
