@@ -318,3 +318,15 @@ def test_a_host_that_is_a_multicast_group_is_joined(play: Callable[..., None], p
         assert sum(map(len, batches)) == 1
 
     play(scenario, "239.1.1.5")
+
+
+def test_a_broadcast_arrives_where_all_addresses_are_bound(play: Callable[..., None], port: int) -> None:
+    async def scenario(driver: UdpLidar, _: socket.socket, batches: list[Returns]) -> None:
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
+            sender.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+            sender.sendto(points_packet(ONE, stamp_ns=5_000 * MS), ("127.255.255.255", port))
+        await asyncio.sleep(0.05)
+        assert driver.statistics()["packets"] == 1
+        assert sum(map(len, batches)) == 1
+
+    play(scenario, "0.0.0.0")
