@@ -266,10 +266,11 @@ class Prior:
         box = grid.everything
         safe = ((terrain.state(box) == SAFE) & self._clear(terrain)).astype(np.uint8)
         fewest = max(1, int(p.min_boundary_points * p.cell_m / grid.cell_m))
-        found = search_components(safe, box, side_in_cells(p.min_square_m, grid), fewest)
+        side = side_in_cells(p.min_square_m, grid)
+        found = search_components(safe, box, side, fewest)
 
         def described(one: Candidate, number: int) -> Zone:
-            return describe(Content.of(one, terrain), terrain, sensor, p, number)
+            return describe(Content.of(one, terrain, side), terrain, sensor, p, number)
 
         return rank(self._tracker.update(found, described), p)
 

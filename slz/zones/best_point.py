@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.grid import Box
-from slz.kernels.raster.distance_transform import greatest_clearance, most_certain
+from slz.kernels.raster.bitmap import Bits, packed
+from slz.kernels.raster.distance_transform import greatest_clearance, largest_square, most_certain
+from slz.kernels.raster.square_erosion import erode_to_side
 from slz.landing_point.helicopter_areas import helicopter_areas
 from slz.landing_point.surroundings import ground_m, horizon_towards
 from slz.terrain.footing import ANY_FOOTING, Footing, judges_headings
@@ -19,6 +21,7 @@ from slz.zone import LandingPoint
 from slz.zones.detection import Candidate
 
 OTHERS = 6  # cells tried where the first has no heading
+UNDOUBTED = 0.99  # certainty of ground whose slope and relief are far from their limits
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -35,10 +38,16 @@ class GreatestClearance:
     certainty: NDArray[np.float32]
 
 
-def greatest_clearance_of(candidate: Candidate, terrain: CellView) -> GreatestClearance:
-    """Return the cells whose clearance is within half a cell of the greatest."""
+def greatest_clearance_of(candidate: Candidate, terrain: CellView, least_side: int) -> GreatestClearance:
+    """Return the cells whose clearance is within half a cell of the greatest.
+
+    Ground that is safe with little to spare may be refused when it is seen from nearer. So where the
+    undoubted ground of a zone holds the square of `least_side` cells that a zone must hold, clearance is the
+    distance to any other ground.
+    """
     wide = candidate.words_box
-    found = greatest_clearance(candidate.own_bits, candidate.square_side)
+    part, side = _undoubted(candidate, terrain, least_side)
+    found = greatest_clearance(part, side)
     cells = found[:, :2] + np.array([wide.row0, wide.col0])
     return GreatestClearance(
         cells=cells,
@@ -46,6 +55,17 @@ def greatest_clearance_of(candidate: Candidate, terrain: CellView) -> GreatestCl
         slope_deg=np.nan_to_num(terrain.layer_at("slope_deg", cells), nan=90.0),
         certainty=terrain.layer_at("certainty", cells),
     )
+
+
+def _undoubted(candidate: Candidate, terrain: CellView, least_side: int) -> tuple[Bits, int]:
+    """Return a zone's undoubted cells and the side of their largest square, or those of the whole zone."""
+    undoubted = terrain.layer("certainty", candidate.box) >= np.float32(UNDOUBTED)
+    sure = packed(np.pad(undoubted, ((0, 0), (candidate.first, 0)))) & candidate.own_bits
+    corners = sure.copy()
+    erode_to_side(corners, 1, least_side)
+    if corners.any():
+        return sure, largest_square(corners, least_side)
+    return candidate.own_bits, candidate.square_side
 
 
 def best_point(

@@ -42,10 +42,12 @@ class Content:
     clearance: GreatestClearance
 
     @classmethod
-    def of(cls, candidate: Candidate, terrain: CellView, before: Content | None = None) -> Content:
+    def of(
+        cls, candidate: Candidate, terrain: CellView, least_side: int, before: Content | None = None
+    ) -> Content:
         """Look a candidate up in the maps, or those of its tiles that changed since before.
 
-        The earlier content must be of the same terrain and grid.
+        The earlier content must be of the same terrain and grid. least_side: cells of a zone's square.
         """
         if before is None:
             statistics = zonal_statistics_of(candidate, terrain)
@@ -60,7 +62,7 @@ class Content:
             corners=corners,
             corners_m=terrain.kept_at("height_m", corners),
             obstacles=_obstacles(statistics.holes, candidate.own_bits, candidate.words_box, terrain),
-            clearance=greatest_clearance_of(candidate, terrain),
+            clearance=greatest_clearance_of(candidate, terrain, least_side),
         )
 
 

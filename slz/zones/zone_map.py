@@ -134,9 +134,10 @@ class ZoneMap:
     def identify(self, sensor_enu_m: Points) -> None:
         """Assign IDs to the zones found, describe and rank them."""
         p, terrain, before, contents = self._parameters, self.terrain, self._contents, {}
+        side = side_in_cells(p.min_square_m, terrain.grid)
 
         def described(candidate: Candidate, zone_id: int) -> Zone:
-            content = contents[zone_id] = Content.of(candidate, terrain, before.get(zone_id))
+            content = contents[zone_id] = Content.of(candidate, terrain, side, before.get(zone_id))
             return describe(content, terrain, sensor_enu_m, p, zone_id)
 
         self.zones = rank(self._tracker.update(self.candidates, described), p)

@@ -444,7 +444,7 @@ def sloped_and_level(seed: int) -> Window:
 
 
 def test_a_certainty_asked_for_in_flight_ranks_near_and_far_zones_as_if_asked_for_at_the_start() -> None:
-    lenient, strict = (params.load("quadcopter", ["zone_m=160", f"min_certainty={c}"]) for c in (0.5, 0.997))
+    lenient, strict = (params.load("quadcopter", ["zone_m=160", f"min_certainty={c}"]) for c in (0.5, 0.998))
     changed, fresh, unchanged = Pipeline(lenient), Pipeline(strict), Pipeline(lenient)
     for pipeline in (changed, fresh, unchanged):
         pipeline.process(sloped_and_level(0))

@@ -22,6 +22,7 @@ from tests.unit.slz.hand_made import FRAME, near_map
 
 Points = NDArray[np.float64]
 STEPS = 14
+SIDE = 15  # cells of the square in a zone
 
 
 def forgetful(zone_map: Any) -> None:
@@ -91,9 +92,9 @@ def test_what_did_not_change_is_not_looked_up_again(monkeypatch: pytest.MonkeyPa
     whole = part = 0
     look = Content.of
 
-    def counted(candidate: Any, terrain: Any, before: Content | None = None) -> Content:
+    def counted(candidate: Any, terrain: Any, side: int, before: Content | None = None) -> Content:
         nonlocal whole, part
-        content = look(candidate, terrain, before)
+        content = look(candidate, terrain, side, before)
         if before is not None:
             whole += content is before
             part += content is not before and bool(
@@ -119,8 +120,8 @@ def test_a_part_of_a_zone_in_tiles_of_its_own_is_not_kept_once_it_is_gone() -> N
     own, content = whole.own_bits.copy(), whole.content_bits.copy()
     own[:, -1] = content[:, -1] = 0
     rest = replace(whole, own_bits=own, content_bits=content)
-    known = Content.of(rest, near.terrain, Content.of(whole, near.terrain))
-    anew = Content.of(rest, near.terrain)
+    known = Content.of(rest, near.terrain, SIDE, Content.of(whole, near.terrain, SIDE))
+    anew = Content.of(rest, near.terrain, SIDE)
     assert known.statistics.unchanged
     assert known.candidate is rest
     np.testing.assert_array_equal(known.statistics.totals, anew.statistics.totals)
@@ -197,4 +198,4 @@ def test_cells_in_other_words_than_rows_of_tiles_are_refused() -> None:
     one = near.candidates[0]
     aside = replace(one, box=replace(one.box, col0=one.box.col0 + 1, col1=one.box.col1 + 1))
     with pytest.raises(ValueError, match="rows of the terrain's tiles"):
-        Content.of(aside, near.terrain)
+        Content.of(aside, near.terrain, SIDE)
