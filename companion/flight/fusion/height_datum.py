@@ -72,15 +72,15 @@ class HeightDatum:
         follows = self._last is not None and 0 < at_ns - self._last[0] <= HOLD_NS
         if self._history.epoch != self._epoch or not follows:
             self._forget()
-        if not is_known(scan.sensor_enu_m):
-            return
+        before = self._history.correction_at(at_ns)
+        if not is_known(scan.sensor_enu_m) or before is not self._history.correction:
+            return  # placed by poses of before a reset that is over
         before_ns = at_ns if self._last is None else self._last[0]
         slip_m = float(scan.sensor_enu_m[2]) - self._climbed_m(at_ns)
         while self._recent and at_ns - self._recent[0].stamp_ns > HOLD_NS:
             self._recent.popleft()
         elapsed_s = (at_ns - before_ns) * 1e-9
         late_s = float(at_ns - np.median(scan.stamp_ns)) * 1e-9
-        before = self._history.correction
         shift_m = float(before.shift_enu_m[2]) + before.slide_up_ms * elapsed_s
         lowest = _Lowest.of(before.levelled(scan), scan.sensor_enu_m)
         up_m = self._ground.common_m(lowest, shift_m, scan.sensor_enu_m, at_ns)

@@ -74,7 +74,8 @@ class PoseHistory:
         Time until which the odometry knows the place on the map, so that a jump of the estimate moves nothing
         on it; None while it does not.
     jumps, absorbed, refused, misdated
-        Jumps of the estimate that began an epoch, and those that the odometry absorbed; samples out of
+        Jumps of the estimate that began an epoch, and those of a reset height or while the odometry knows
+        the place, which move nothing on the map; samples out of
         order, repeated or not finite; samples dropped because they were stamped by a wrong mapping of the
         autopilot's clock.
     steps
@@ -142,7 +143,8 @@ class PoseHistory:
             self.frame = LocalFrame(lat_deg, lon_deg, alt_m)
         position = self.frame.enu_m(lat_deg, lon_deg, alt_m)
         jump = self._jump_m(stamp_ns, position, velocity)
-        if jump is not None and self.tracked_until_ns is not None and stamp_ns <= self.tracked_until_ns:
+        is_tracked = self.tracked_until_ns is not None and stamp_ns <= self.tracked_until_ns
+        if jump is not None and (is_tracked or self._is_of_height(jump, stamp_ns)):
             self._absorb(jump)
         elif jump is not None:
             self.jumps += 1
@@ -310,6 +312,12 @@ class PoseHistory:
             allowed_m += float(np.linalg.norm(way))
         jump: Floats = position - last[:3] - way
         return jump if np.linalg.norm(jump) > allowed_m else None
+
+    def _is_of_height(self, jump_enu_m: Floats, stamp_ns: int) -> bool:
+        """Return whether a jump is a reset of the height alone, between two samples without a gap."""
+        elapsed_ns = stamp_ns - int(self._positions.stamp_ns[-1])
+        level_m = math.hypot(jump_enu_m[0], jump_enu_m[1])
+        return elapsed_ns <= self._limit_ns and level_m <= motion_m(elapsed_ns * 1e-9, self._limit_ns * 1e-9)
 
 
 def motion_m(elapsed_s: float, timeout_s: float) -> float:

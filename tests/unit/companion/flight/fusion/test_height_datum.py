@@ -27,8 +27,8 @@ class Rig:
         """Return the error of the estimated height: 95 % of a size after three time constants of 0.7 s."""
         return size_m * (1 - np.exp(-(t_s - FROM_S) / 0.7)) if t_s > FROM_S else 0.0
 
-    def pose(self, t_s: float, up_m: float, climb_ms: float) -> None:
-        lat, lon, alt = HOME.lla(np.array([0.0, 0.0, up_m]))
+    def pose(self, t_s: float, up_m: float, climb_ms: float, east_m: float = 0.0) -> None:
+        lat, lon, alt = HOME.lla(np.array([east_m, 0.0, up_m]))
         self.history.add_attitude(round(t_s * 1e9), (1, 0, 0, 0), (0, 0, 0))
         self.history.add_position(round(t_s * 1e9), float(lat), float(lon), float(alt), (0, 0, -climb_ms))
 
@@ -142,7 +142,7 @@ def test_a_slide_that_nobody_sees_is_not_extrapolated() -> None:
 
 def test_a_jump_that_begins_an_epoch_begins_the_datum_anew() -> None:
     rig = Rig().fly(3.0)
-    rig.pose(7.04, 40.0, -0.5)
+    rig.pose(7.02, HEIGHT_M - 0.5, -0.5, east_m=40.0)
     assert rig.history.epoch == 1
     rig.scan(7.1, 3.0)
     assert rig.history.correction.is_none

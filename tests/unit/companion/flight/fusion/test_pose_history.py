@@ -129,6 +129,32 @@ def test_clocks_set_anew_begin_the_history_anew() -> None:
     assert history.interpolate(np.array([10 * MS, 1000 * MS])).valid.tolist() == [True, False]
 
 
+@pytest.mark.parametrize("jump_m", [3.0, -3.0, 40.0])
+def test_a_height_that_is_reset_moves_nothing_on_the_map(jump_m: float) -> None:
+    """The vehicle did not move, and nor did the ground: the map goes on."""
+    history = PoseHistory(P, HOME)
+    for i in range(100):
+        stamp = i * 20 * MS
+        up_m = 10.0 - 0.5 * stamp * 1e-9 + (jump_m if i >= 50 else 0.0)
+        lat, lon, alt = HOME.lla([0.0, 0.0, up_m])
+        history.add_attitude(stamp, UPRIGHT, STILL)
+        history.add_position(stamp, lat, lon, alt, (0.0, 0.0, 0.5))
+    assert (history.jumps, history.epoch, history.absorbed) == (0, 0, 1)
+    assert history.interpolate(np.array([970, 990, 1010]) * MS).valid.tolist() == [True, False, True]
+    pose = history.latest(1980 * MS)
+    assert pose is not None
+    assert pose.position_enu_m[2] == pytest.approx(10.0 - 0.99, abs=1e-3)
+    assert history.correction_at(970 * MS).is_none
+
+
+def test_a_height_that_is_another_after_a_gap_begins_a_new_map() -> None:
+    history = PoseHistory(P, HOME)
+    for stamp, up_m in ((0, 10.0), (20, 10.0), (1500, 16.0), (1520, 16.0)):
+        lat, lon, alt = HOME.lla([0.0, 0.0, up_m])
+        history.add_position(stamp * MS, lat, lon, alt, (0.0, 0.0, 0.0))
+    assert (history.jumps, history.absorbed) == (1, 0)
+
+
 def test_a_jump_of_the_estimate_is_counted_and_not_bridged() -> None:
     history = PoseHistory(P, HOME)
     for i in range(100):
@@ -166,7 +192,9 @@ def seen_again(gap_s: float, position_enu_m: np.ndarray, velocity_enu_ms: np.nda
 @pytest.mark.parametrize("way", [(5.0, 0, 0), (0, -5.0, 0), (-3.0, 4.0, 0), (0, 0, 5.0)])
 def test_a_jump_of_five_metres_is_found_after_a_gap(gap_s: float, way: tuple[float, ...]) -> None:
     fast = np.array([15.0, 0.0, 0.0])
-    assert seen_again(gap_s, fast * gap_s + way, fast).jumps == 1
+    history = seen_again(gap_s, fast * gap_s + way, fast)
+    of_height = way[2] != 0 and gap_s <= P.pose_timeout_s  # the map goes on: nothing else moved
+    assert (history.jumps, history.absorbed) == ((0, 1) if of_height else (1, 0))
 
 
 @pytest.mark.parametrize("gap_s", [0.6, 0.8, 1.5, 3.0, 8.0, 20.0])
