@@ -57,6 +57,8 @@ CIRCLES = {
     mavlink.MAV_CMD_NAV_FENCE_CIRCLE_INCLUSION: True,
     mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION: False,
 }
+# Items with numbers or frames that are none, or too many: no longer the fence read before.
+UNUSABLE = frozenset({mavlink.MAV_MISSION_INVALID, mavlink.MAV_MISSION_NO_SPACE})
 RETURN_POINT: int = mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT
 
 
@@ -252,6 +254,8 @@ class FenceReader:
                 self._areas, self._areas_known = areas_of(download.items), True
             except ValueError as error:  # the ones before are kept, though they are no longer true
                 self._areas_known, fault = False, str(error)
+        elif download.refusal in UNUSABLE:
+            self._areas_known = False
         values = self._complete(reader, has_none)
         if values is None:
             fault = fault or "parameters: no answer"

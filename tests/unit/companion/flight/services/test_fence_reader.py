@@ -61,6 +61,9 @@ class Autopilot:
     home: tuple[float, float, float] | None = HOME
     fenced: bool = False
     guided: bool = False
+    armed: bool = True
+    connected: bool = True
+    frame: int = mavlink.MAV_FRAME_GLOBAL
     reader: FenceReader = field(default_factory=FenceReader)
     sent: list[str] = field(default_factory=list)
     now_s: float = 1.0
@@ -70,15 +73,15 @@ class Autopilot:
     def vehicle(self) -> VehicleState:
         mode = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}[self.kind] if self.guided else "LOITER"
         return VehicleState(
-            sysid=1, autopilot=self.kind, armed=True, mode=mode, home_lla=self.home, reboots=self.reboots,
-            health=Health(fenced=self.fenced),
+            sysid=1, autopilot=self.kind, armed=self.armed, mode=mode, home_lla=self.home,
+            reboots=self.reboots, health=Health(fenced=self.fenced),
         )  # type: ignore[arg-type]  # fmt: skip
 
     def run(self, seconds: float = 2.0, *, quiet: bool = True) -> Autopilot:
         end = self.now_s + seconds
         while self.now_s < end:
             now_ns = round(self.now_s * S)
-            self._hear(self.reader.poll(now_ns, self.vehicle, True, US, quiet=quiet))
+            self._hear(self.reader.poll(now_ns, self.vehicle, self.connected, US, quiet=quiet))
             self.now_s += 0.05
         return self
 
@@ -130,7 +133,7 @@ class Autopilot:
                 command, value, lat_e7, lon_e7 = self.items[m.seq]
                 self._say(
                     mavlink.MAVLink_mission_item_int_message(
-                        *US, m.seq, 0, command, 0, 1, value, 0, 0, 0, lat_e7, lon_e7, 0.0, FENCE
+                        *US, m.seq, self.frame, command, 0, 1, value, 0, 0, 0, lat_e7, lon_e7, 0.0, FENCE
                     )
                 )
 
@@ -261,8 +264,11 @@ def test_a_circle_without_a_home_is_unknown() -> None:
         [*square(INSIDE, 0, 0, 10)[:2], *square(OUTSIDE, 0, 0, 10)[:2]],
         [item(CIRCLE_INSIDE, 0, 0, 0)],
         [item(16, 0, 0, 0)],
+        [(CIRCLE_INSIDE, 50, 950_000_000, 80_000_000)],
+        [item(CIRCLE_INSIDE, math.nan, 0, 0)],
+        [item(CIRCLE_INSIDE, 50, 0, 0)] * 1001,
     ],
-    ids=["too few", "two corners", "none", "mixed", "no radius", "a waypoint"],
+    ids=["too few", "two corners", "none", "mixed", "no radius", "a waypoint", "no place", "NaN", "too many"],
 )
 def test_items_that_make_no_fence_are_unknown_and_those_before_are_kept(items: list[Any]) -> None:
     autopilot = Autopilot(ARDUPILOT, square(INSIDE, -20, -20, 40)).run(5)
@@ -279,6 +285,40 @@ def test_an_autopilot_without_a_fence_says_so_or_refuses_its_items() -> None:
     assert not Autopilot({}).run(30).known
 
 
+def test_items_in_a_local_frame_are_unknown() -> None:
+    items = square(INSIDE, -20, -20, 40)
+    assert not Autopilot(ARDUPILOT, items, frame=mavlink.MAV_FRAME_LOCAL_NED).run(5).known
+    assert Autopilot(ARDUPILOT, items, frame=mavlink.MAV_FRAME_GLOBAL_TERRAIN_ALT).run(5).known
+
+
+def test_unread_items_do_not_matter_to_a_fence_without_areas() -> None:
+    deaf = Autopilot(ARDUPILOT | {"FENCE_TYPE": 3}, deaf_to=("MISSION_REQUEST_LIST",)).run(60)
+    assert deaf.known
+    assert not deaf.holds(58, 0)
+
+
+@pytest.mark.parametrize(
+    ("sender", "kind"),
+    [((1, 100), FENCE), ((2, 1), FENCE), ((1, 1), mavlink.MAV_MISSION_TYPE_MISSION)],
+    ids=["a camera", "another vehicle", "a mission"],
+)
+def test_items_are_taken_from_the_autopilot_and_of_a_fence_alone(sender: tuple[int, int], kind: int) -> None:
+    autopilot = Autopilot(ARDUPILOT, square(OUTSIDE, 0, 0, 9), deaf_to=("MISSION_REQUEST_LIST",)).run(5)
+    none = received(mavlink.MAVLink_mission_count_message(*US, 0, kind), *sender)
+    assert not autopilot.reader.on_mission(none, round(autopilot.now_s * S), 1, US)
+    assert not autopilot.run(1).known
+
+
+def test_negative_margins_are_none() -> None:
+    autopilot = Autopilot(ARDUPILOT | {"FENCE_MARGIN": -9, "FENCE_MARGIN_XY": -9}).run(5)
+    assert autopilot.heights_m()[1] == pytest.approx(50 - OWN_MARGIN_M)
+    assert [autopilot.holds(east, 0) for east in (57, 59)] == [True, False]
+
+
+def test_another_autopilot_is_not_asked() -> None:
+    assert not Autopilot({}, kind="other").run(5).sent
+
+
 # ---- kept current ---------------------------------------------------------------------------------
 
 
@@ -290,6 +330,26 @@ def test_the_fence_is_read_again_each_half_minute_and_at_a_hand_over() -> None:
     assert autopilot.readings() == 2
     autopilot.items = [item(CIRCLE_OUTSIDE, 20, 0, 0)]
     assert not autopilot.run(32).holds(0, 0)
+
+
+def test_the_fence_is_read_again_when_armed_and_when_the_link_is_back() -> None:
+    autopilot = Autopilot(ARDUPILOT, armed=False).run(6)
+    autopilot.armed = True
+    assert autopilot.run(6).readings() == 2
+    autopilot.connected = False
+    assert autopilot.run(6).readings() == 2
+    autopilot.connected = True
+    assert autopilot.run(6).readings() == 3
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "kind"), [(7, FENCE), (1, mavlink.MAV_MISSION_TYPE_MISSION)], ids=["its own", "a mission"]
+)
+def test_a_transfer_with_another_vehicle_or_of_a_mission_changes_no_fence(vehicle: int, kind: int) -> None:
+    autopilot = Autopilot(ARDUPILOT).run(8)
+    count = received(mavlink.MAVLink_mission_count_message(vehicle, 1, 1, kind), *STATION)
+    autopilot.reader.on_mission(count, round(autopilot.now_s * S), 1, US)
+    assert autopilot.run(12).readings() == 1
 
 
 def test_a_parameter_that_is_changed_counts_within_seconds() -> None:
