@@ -104,6 +104,14 @@ def test_a_place_from_before_our_first_setpoint_is_not_held_against_anybody(wire
     assert wire.watch.commander() == ""
 
 
+def test_a_velocity_of_nobody_now_and_then_is_avoidance(wire: Wire) -> None:
+    wire.command(1)
+    for _ in range(5):
+        wire.command(0.6)
+        wire.target(SPEED, ned_ms=(9.0, -9.0, 0.0))
+    assert wire.watch.commander() == ""
+
+
 def test_two_senders_in_turn_are_told_from_one(wire: Wire) -> None:
     wire.command(1)
     for _ in range(4):

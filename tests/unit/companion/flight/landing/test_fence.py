@@ -208,6 +208,30 @@ def test_the_way_out_below_something_leads_away_from_the_fence() -> None:
     assert flight.position[0] < -2
 
 
+@pytest.mark.parametrize(
+    ("position", "asked", "limited"),
+    [
+        ((0, 0, 20), (0, 0, 2), (0, 0, 2)),
+        ((0, 0, 39.5), (0, 0, 2), (0, 0, 1)),
+        ((0, 0, 41), (0, 0, 2), (0, 0, 0)),
+        ((0, 0, 41), (0, 0, -2), (0, 0, -2)),
+        ((0, 0, 5.5), (0, 0, -2), (0, 0, -1)),
+        ((0, 0, 4), (0, 0, -2), (0, 0, 0)),
+        ((0, 0, 4), (0, 0, 2), (0, 0, 2)),
+        ((38, 0, 20), (5, 0, 0), (4, 0, 0)),
+        ((46, 0, 20), (3, 4, 0), (0, 0, 0)),
+        ((48, 0, 20), (3, 0, 1), (0, 0, 1)),
+        ((48, 0, 20), (-3, 0, 0), (-3, 0, 0)),  # back
+    ],
+)
+def test_velocities_stop_before_margin_ceiling_and_floor_and_lead_back_from_beyond(
+    position: tuple[float, ...], asked: tuple[float, ...], limited: tuple[float, ...]
+) -> None:
+    fence = circle(50, lowest_m=5.0, highest_m=40.0)
+    velocity = fence.limited(np.array(position, float), np.array(asked, float), braking_ms2=1.0)
+    assert velocity == pytest.approx(limited, abs=1e-9)
+
+
 # ---- heights --------------------------------------------------------------------------------------
 
 

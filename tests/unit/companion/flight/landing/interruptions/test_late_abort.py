@@ -54,6 +54,7 @@ def test_the_operator_s_abort_holds_through_an_outage_down_to_the_commit_height(
     flight.run(0.5)
     flight.heard = False
     flight.until(lambda f: f.position[2] < height_m)
+    assert AGAIN not in flight.texts
     flight.heard = flight.obeys = True
     flight.run(0.5)
     assert (flight.mode == "GUIDED") == (height_m > 2)

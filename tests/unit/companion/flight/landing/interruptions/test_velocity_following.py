@@ -26,14 +26,18 @@ class Watched:
     def breach_s(self, limit_s: float, **other: object) -> float | None:
         """Return the time until a departure is too large, None if it never is."""
         while self.time_s < limit_s:
+            self.fly(self.time_s + STEP_S / 2, **other)
+            if self.following.departs or self.following.sinks:
+                return self.time_s - STEP_S
+        return None
+
+    def fly(self, until_s: float, **other: object) -> None:
+        while self.time_s < until_s:
             asked = np.array(self._asked(self.time_s))
             self.velocity = self._motion(self.time_s, self.velocity, asked)
             s = replace(self._situation, now_ns=round(self.time_s * 1e9), asked_enu_ms=asked)
             self.following.update(replace(s, velocity_enu_ms=self.velocity, **other))  # type: ignore[arg-type]
-            if self.following.departs or self.following.sinks:
-                return self.time_s
             self.time_s += STEP_S
-        return None
 
 
 def accelerating(most_ms2: float, delay_s: float = 0.0, most_ms: float = np.inf) -> Motion:
@@ -116,13 +120,22 @@ def test_a_departure_is_over_soon_after_the_vehicle_obeys() -> None:
     watched = Watched(
         lambda _: [0.0, 0.0, 0.0], lambda time_s, *_: np.array([0.0, 0.0, -2.0 * (time_s < 30)])
     )
-    assert watched.breach_s(60) is not None
-    watched.breach_s(30)
-    watched.time_s = 30.0
-    for _ in range(round(4.5 / STEP_S)):
-        watched.breach_s(watched.time_s + STEP_S)
-        watched.time_s += STEP_S
+    watched.fly(30)
+    assert watched.following.sinks
+    watched.fly(34.5)
     assert not watched.following.sinks
+
+
+def test_a_jump_of_the_estimate_and_a_pause_of_the_steps_begin_anew() -> None:
+    def sinking() -> Watched:
+        return Watched(lambda _: [0.0, 0.0, 0.0], lambda *_: np.array([0.0, 0.0, -2.0]))
+
+    assert 2 < (sinking().breach_s(10) or 0) < 5
+    jumping, pausing = sinking(), sinking()
+    for k in range(1, 6):
+        assert jumping.breach_s(2.0 * k, epoch=k) is None
+        assert pausing.breach_s(pausing.time_s + 2.0) is None
+        pausing.time_s += 8.0
 
 
 @pytest.mark.parametrize("other", [{"guided": False}, {"heard": False}, {"asked_enu_ms": None}])
