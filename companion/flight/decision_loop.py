@@ -62,6 +62,7 @@ class DecisionLoop:
         """Step the executive once and carry out its commands."""
         flight = self._flight
         self._feed.follow_jumps()  # before the executive selects the point again, in the new map
+        self._feed.warn_of_attitudes()
         if begin_frame_if_far(flight):
             self._feed.begin_frame()
             self._on_new_frame()

@@ -9,6 +9,7 @@ from typing import Protocol
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.pose import Pose
 from companion.flight.landing.executive import Executive
+from companion.flight.landing.situation import Severity
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mapping.point_watch import PointWatch
@@ -65,7 +66,7 @@ class ScanFeed:
         self._scan_count, self._displays = scan_count, displays
         self.on_scan: Event[[int]] = Event()
         self.on_new_map: Event[[]] = Event()
-        self._flown = False
+        self._flown = self._warned = False
         self._scan_epoch = self._map_epoch = history.epoch
 
     def add_lidar_scan(self, scan: Scan) -> None:
@@ -101,6 +102,12 @@ class ScanFeed:
             return
         log.warning("the position estimate jumped: mapping anew")
         self._reset_map()
+
+    def warn_of_attitudes(self) -> None:
+        """Tell the pilot once that attitudes come too seldom for the turns, and scans are lost."""
+        if self._history.steps.coarse and not self._warned:
+            self._warned = True
+            self._link.statustext("SLZ: attitudes too far apart: scans dropped", Severity.WARNING.value)
 
     def begin_frame(self) -> None:
         """Begin a new map in the frame that has just begun."""

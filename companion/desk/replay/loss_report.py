@@ -63,8 +63,8 @@ def lost_for_time(source: Counts, returns: Counts) -> list[str]:
     coarse = returns.get("attitudes_too_far_apart")
     if coarse:
         said.append(
-            f"attitudes are {coarse} times too far apart for the vehicle's turns: between them they err by up"
-            f" to {returns['attitude_error_deg']:g} degrees, and so does the map; record 25 a second or more"
+            f"attitudes are {coarse} times too far apart for the vehicle's turns: they would err by up to"
+            f" {returns['attitude_error_deg']:g} degrees; what is between is left out; record 25 a second"
         )
     said += clock_steps(source)
     above, compared = source.get("points_above_vehicle", 0), source.get("points_beside_vehicle", 0)

@@ -7,10 +7,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-# Between attitudes the rate is taken as constant. Where the turn from one to the next changes by d, the
-# attitude in the middle errs by d / 8: by more than this, returns at 20 m are placed 0.7 m off.
+# Between attitudes the rate is taken as constant. Where it changes by d over an interval T, the attitude in
+# the middle errs by d T / 8: by more than this, returns at 20 m are placed 0.7 m off.
 COARSE_RAD = math.radians(2.0)
 SHARE = 1 / 8
+# Such a change within this time is none of a vehicle (10,000 degrees/s^2): the estimate was reset.
+OFTEN_NS = 40_000_000
 
 
 class AttitudeSteps:
@@ -19,7 +21,7 @@ class AttitudeSteps:
     Attributes
     ----------
     coarse
-        Number of attitudes around which that error exceeds two degrees.
+        Number of intervals within which that error exceeds two degrees.
     worst_deg
         Greatest error.
     """
@@ -28,19 +30,28 @@ class AttitudeSteps:
         self.coarse = 0
         self.worst_deg = 0.0
         self._last: tuple[int, NDArray[np.float64]] | None = None
-        self._turn: NDArray[np.float64] | None = None
+        self._rate: NDArray[np.float64] | None = None  # (3,), rad/ns
+        self._changed = False  # within the last interval
 
-    def add(self, stamp_ns: int, quat: NDArray[np.float64], longest_ns: int) -> None:
-        """Add a unit attitude (4,); across a gap longer than `longest_ns` nothing is interpolated."""
+    def add(self, stamp_ns: int, quat: NDArray[np.float64], longest_ns: int) -> bool:
+        """Add a unit attitude (4,); return whether attitudes since the last one would be false.
+
+        They may be, too, in the interval behind such a one: a turn can end within it and leave the mean rate
+        alike. Across a gap longer than `longest_ns` nothing is interpolated.
+        """
         if self._last is None or not 0 < stamp_ns - self._last[0] <= longest_ns:
-            self._last, self._turn = (stamp_ns, quat), None
-            return
-        turn = _turn(self._last[1], quat)
-        if self._turn is not None:
-            error_rad = SHARE * float(np.linalg.norm(turn - self._turn))
-            self.coarse += error_rad > COARSE_RAD
-            self.worst_deg = max(self.worst_deg, math.degrees(error_rad))
-        self._last, self._turn = (stamp_ns, quat), turn
+            self._last, self._rate = (stamp_ns, quat), None
+            return False
+        interval_ns = stamp_ns - self._last[0]
+        rate = _turn(self._last[1], quat) / interval_ns
+        change = 0.0 if self._rate is None else float(np.linalg.norm(rate - self._rate))
+        error_rad = SHARE * change * interval_ns
+        self._last, self._rate = (stamp_ns, quat), rate
+        self.worst_deg = max(self.worst_deg, math.degrees(error_rad))
+        changed = error_rad > COARSE_RAD and interval_ns > OFTEN_NS
+        is_coarse, self._changed = changed or self._changed, changed
+        self.coarse += is_coarse
+        return is_coarse
 
 
 def _turn(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:

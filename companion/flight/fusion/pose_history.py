@@ -125,8 +125,9 @@ class PoseHistory:
         if not 0.5 < norm < 2 or not self._is_next(self._attitudes, stamp_ns):
             self.refused += 1
             return
+        if self.steps.add(stamp_ns, quat / norm, self._limit_ns):
+            self._attitudes.clear()  # what was measured since the last one is not placed
         self._attitudes.append(stamp_ns, quat / norm)
-        self.steps.add(stamp_ns, quat / norm, self._limit_ns)
         self._rates = np.nan_to_num(np.asarray(rates, dtype=np.float64), posinf=0, neginf=0)
 
     def add_position(

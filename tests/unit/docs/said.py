@@ -14,6 +14,7 @@ SOURCES = (
     "companion/flight/map_frame.py",
     "companion/flight/mode_requests.py",
     "companion/flight/report_feed.py",
+    "companion/flight/scan_feed.py",
     "companion/flight/outputs/announcers/lidar_announcer.py",
     "companion/flight/outputs/announcers/odometry_announcer.py",
     "companion/flight/outputs/announcers/wire_announcer.py",

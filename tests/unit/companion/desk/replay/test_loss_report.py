@@ -61,8 +61,8 @@ def test_a_map_with_zones_needs_no_reason(tmp_path: Path) -> None:
         (
             {},
             {"attitudes_too_far_apart": 3, "attitude_error_deg": 4.4},
-            "attitudes are 3 times too far apart for the vehicle's turns: between them they err by up to 4.4"
-            " degrees, and so does the map; record 25 a second or more",
+            "attitudes are 3 times too far apart for the vehicle's turns: they would err by up to 4.4"
+            " degrees; what is between is left out; record 25 a second",
         ),
         ({}, {"stale": 7}, "7 of 1000 returns were too far from any pose (pose_timeout_s)"),
         ({"points": 90, "points_outside_log": 7}, {}, "7 of 90 points were not measured during the log"),

@@ -48,3 +48,29 @@ def test_nothing_is_said_of_a_gap() -> None:
     for at_s, half in ((0, 0.0), (1, 0.4), (2, 0.0), (3, 0.4)):
         steps.add(at_s * S, np.array([np.cos(half), np.sin(half), 0, 0]), S // 2)
     assert steps.coarse == 0
+
+
+def test_an_attitude_that_is_reset_at_once_is_no_turn() -> None:
+    steps = AttitudeSteps()
+    for k in range(100):
+        half = 0.3 * (k >= 50)
+        assert not steps.add(k * S // 25, np.array([np.cos(half), 0, 0, np.sin(half)]), S // 2)
+    assert steps.coarse == 0
+
+
+def test_attitudes_at_uneven_times_follow_a_steady_turn() -> None:
+    """A radio passes some of them on: the turns between them differ, their rate does not."""
+    steps = AttitudeSteps()
+    for at_s in (0, 0.05, 0.45, 0.5, 0.98, 1.0):
+        assert not steps.add(round(at_s * S), np.array([np.cos(at_s), 0, 0, np.sin(at_s)]), S // 2)
+    assert steps.worst_deg < 1e-6
+
+
+def test_a_turn_that_two_attitudes_halve_is_steady_in_neither_interval() -> None:
+    """A roll of 35 degrees within 0.12 s, with one attitude in its middle: both intervals turn alike."""
+    steps, coarse = AttitudeSteps(), []
+    for at_s in np.arange(0, 5, 0.25):
+        half = np.radians(17.5) * np.clip((at_s - 1.94) / 0.12, 0, 1)
+        if steps.add(round(at_s * S), np.array([np.cos(half), np.sin(half), 0, 0]), S // 2):
+            coarse.append(float(at_s))
+    assert coarse == [2.0, 2.25, 2.5, 2.75]

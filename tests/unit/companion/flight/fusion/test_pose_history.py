@@ -32,13 +32,28 @@ def test_attitudes_far_apart_follow_scipys_slerp() -> None:
     rng = np.random.default_rng(8)
     rotations = Rotation.random(30, random_state=rng)
     history = PoseHistory(P, HOME)
-    times = np.arange(30) * 100 * MS
+    times = np.arange(30) * 40 * MS  # turns that no vehicle makes: farther apart they would be refused
     for stamp, (x, y, z, w) in zip(times, rotations.as_quat(), strict=True):
         history.add_attitude(int(stamp), (w, x, y, z), STILL)
         history.add_position(int(stamp), HOME.lat_deg, HOME.lon_deg, 500.0, STILL)
     stamps = rng.integers(0, times[-1], 400)
     expected = ENU_FROM_NED @ Slerp(times, rotations)(stamps).as_matrix()
     np.testing.assert_allclose(history.interpolate(stamps).rotation_enu_from_frd, expected, atol=1e-9)
+
+
+@pytest.mark.parametrize(("step_ms", "refused"), [(20, False), (40, False), (250, True)])
+def test_between_attitudes_too_far_apart_for_a_turn_there_is_no_pose(step_ms: int, refused: bool) -> None:
+    """At 1.8 s the vehicle begins to roll by 30 degrees within 0.2 s, as gusts and pilots make it."""
+    history = PoseHistory(P, HOME)
+    for ms in range(0, 4001, step_ms):
+        half = math.radians(15) * min(max((ms - 1800) / 200, 0), 1)
+        history.add_attitude(ms * MS, (math.cos(half), math.sin(half), 0.0, 0.0), STILL)
+        history.add_position(ms * MS, HOME.lat_deg, HOME.lon_deg, 500.0, STILL)
+        if ms == 2000:
+            rolls = history.interpolate(np.arange(1760, 2000, 40) * MS).valid
+            assert rolls.any() != refused
+    assert history.interpolate(np.arange(3000, 3900, 50) * MS).valid.all()
+    assert (history.steps.coarse > 0) == refused
 
 
 def test_nothing_is_extrapolated() -> None:
