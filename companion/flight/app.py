@@ -200,6 +200,7 @@ class Companion:
         )
         if self.lidar.diagnosis is not None:
             self.lidar.diagnosis.repeated = lambda: self.assembler.repeated
+            self.lidar.diagnosis.mount_error_deg = lambda: self.assembler.boresight.error_deg
         if own is not None:
             self.lidar.on_imu(own.gyro.add_samples)
             self.link.on_attitude.subscribe(own.gyro.add_attitude)

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from companion.flight.fusion.boresight_check import BoresightCheck
 from companion.flight.fusion.georeference import Georeferencer
 from companion.flight.fusion.height_datum import HeightDatum
 from companion.flight.fusion.odometry.place_source import PlaceSource
@@ -48,6 +49,8 @@ class ScanAssembler:
         Returns dropped because no pose came in time or the buffer was full.
     scans
         Scans emitted.
+    boresight
+        Whether the mount is told right, by the scans.
     """
 
     def __init__(
@@ -66,6 +69,7 @@ class ScanAssembler:
         self._georeferencer = Georeferencer(parameters)
         self._filter = VehicleAndDustFilter(parameters)
         self._repeated = RepeatedPicture()
+        self.boresight = BoresightCheck()
         self._waiting: deque[tuple[int, Returns]] = deque()  # with the newest stamp of each batch
         self._n_waiting = 0
         self._gathered: list[Returns] = []
@@ -133,6 +137,7 @@ class ScanAssembler:
         scan = self._georeferencer.georeference(returns, self._history)
         if scan is not None:
             self.scans += 1
+            self.boresight.add(scan, self._history)
             if self._place is not None:
                 self._place.add(scan)
             placed = self._history.correction_at(int(scan.stamp_ns[-1])).scan(scan)

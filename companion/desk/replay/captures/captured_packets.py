@@ -78,6 +78,7 @@ class CapturedPackets:
         stream.on_imu.subscribe(rerun.on_imu.emit)
         rerun.diagnosis = stream.diagnosis
         rerun.diagnosis.repeated = lambda: rerun.assembler.repeated
+        rerun.diagnosis.mount_error_deg = lambda: rerun.assembler.boresight.error_deg
         see = _BatchDecoder(stream)
         recorded = continuous_time(clock_steps, (one.at_ns for one in self._capture.datagrams()))
         at_ns = 0

@@ -177,6 +177,18 @@ def repeats() -> Explanation:
     )
 
 
+def wrong_mount(roll_deg: float, pitch_deg: float) -> Explanation:
+    """The ground tilts with the vehicle's heading."""
+    axis, error_deg = ("roll", roll_deg) if abs(roll_deg) > abs(pitch_deg) else ("pitch", pitch_deg)
+    return Explanation(
+        f"LiDAR mount looks wrong by {abs(error_deg):.0f} deg in {axis}",
+        "the same ground tilts with the vehicle's heading, as by a mount that is told wrong by"
+        f" {roll_deg:+.1f} degrees in the vehicle's roll and {pitch_deg:+.1f} in its pitch",
+        "compare lidar_roll_deg, lidar_pitch_deg and lidar_yaw_deg with the mount, or run `slz calibrate` on"
+        " a recording of this flight",
+    )
+
+
 # ---- something is missing --------------------------------------------------------------------------
 
 

@@ -121,6 +121,8 @@ class LidarDiagnosis:
         where packets are missing.
     repeated
         Returns how many returns were recognised as those of a picture that came before.
+    mount_error_deg
+        Returns roll and pitch by which the told mount is certainly wrong, None where it is not.
     undecoded
         LiDAR without a decoder that sends to this port, empty without one.
     """
@@ -151,6 +153,7 @@ class LidarDiagnosis:
         self._past: deque[Episode] = deque(maxlen=FORGOTTEN)
         self.surroundings: Callable[[], Surroundings] = Surroundings
         self.repeated: Callable[[], int] = int
+        self.mount_error_deg: Callable[[], tuple[float, float] | None] = lambda: None
         self.undecoded = ""
 
     @property
@@ -293,6 +296,8 @@ class LidarDiagnosis:
             shown["two_sensors"] = explain.two_sensors()
         if look.repeated:
             shown["repeats"] = explain.repeats()
+        if (error_deg := self.mount_error_deg()) is not None:
+            shown["mount"] = explain.wrong_mount(*error_deg)
         if now_ns - self._gap_at_ns < SHOWN_NS:
             shown["pauses"] = explain.pauses(self._gap_ns * 1e-9)
         if len(self._looks) <= SPAN:

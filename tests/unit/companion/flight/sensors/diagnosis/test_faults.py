@@ -75,6 +75,18 @@ def test_a_picture_that_repeats_is_named_alone_and_only_while_it_does() -> None:
     assert 7e9 < episode.ended_ns < 9e9
 
 
+def test_a_mount_that_the_scans_show_to_be_wrong_is_named_alone_once() -> None:
+    bench = Bench(loop_of("vlp16"))
+    errors = iter([None] * 20 + [(1.2, -9.8)] * 1_000)
+    bench.stream.diagnosis.mount_error_deg = lambda: next(errors)
+    bench.feed(bench.arrivals(0, bench.number_at(20.0)))
+    assert [told.cause for told in bench.told] == ["mount"]
+    (episode,) = bench.episodes
+    assert episode.ended_ns is None
+    assert episode.explanation.text == "LiDAR mount looks wrong by 10 deg in pitch"
+    assert "+1.2 degrees in the vehicle's roll and -9.8 in its pitch" in episode.explanation.sentence
+
+
 def test_losses_now_and_then_are_one_episode() -> None:
     bench = Bench(loop_of("vlp16"))
     bench.feed(bench.arrivals(0, bench.number_at(5.0)))
@@ -105,6 +117,8 @@ def explanations() -> list[Explanation]:
         "to_deg": 350.0,
         "step_s": -99.9,
         "ppm": -49e3,
+        "roll_deg": 3.0,
+        "pitch_deg": -14.0,
     }
     found = []
     for _, make in inspect.getmembers(explanation, inspect.isfunction):
