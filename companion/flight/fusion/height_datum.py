@@ -29,6 +29,8 @@ MOST_RETURNS = 4_000  # of a scan
 HOLD_NS = 2_000_000_000  # for which ground is compared
 SLIDE_M = 0.08  # within that time, beyond which the datum slides: the registration's noise and drift
 SLIDE_MS = 0.8  # from scan to scan, likewise: a filter that sways is slower (PX4: 0.5 m/s)
+SIGMAS = 5.0  # of what the offset wanders within that time, likewise
+WANDERS_OVER = 600  # scans
 LEAST_SHARE = 0.5  # of a slide, that the estimate's velocity does not explain; of the cells that agree on it
 ROUNDS = 3
 
@@ -64,6 +66,7 @@ class HeightDatum:
         self._history, self._epoch = history, history.epoch
         self._ground = _RecentGround()
         self._recent: deque[_Datum] = deque()
+        self._wander_m2, self._scans = 0.0, 0
         self._last: tuple[int, float, float] | None = None  # stamp, climb rate, integral of it
 
     def add(self, scan: Scan) -> None:
@@ -100,11 +103,25 @@ class HeightDatum:
         if not self._recent:
             self._recent.append(now)
         first, last = self._recent[0], self._recent[-1]
-        if abs(now.offset_m - first.offset_m) > SLIDE_M and not now.slid_since(first, SLIDE_M):
+        wander_m = self._wander_m(now.offset_m - first.offset_m)
+        slide_m = max(SLIDE_M, wander_m)
+        if abs(now.offset_m - first.offset_m) > slide_m and not now.slid_since(first, slide_m):
             return False  # something fills the view, or the sensor repeats a picture
         self._recent.append(now)
-        suddenly_m = SLIDE_MS * (now.stamp_ns - last.stamp_ns) * 1e-9
-        return now.slid_since(first, SLIDE_M) or (last is not now and now.slid_since(last, suddenly_m))
+        suddenly_m = SLIDE_MS * (now.stamp_ns - last.stamp_ns) * 1e-9 * slide_m / SLIDE_M
+        return now.slid_since(first, slide_m) or (last is not now and now.slid_since(last, suddenly_m))
+
+    def _wander_m(self, moved_m: float) -> float:
+        """Return how far the offset of this vehicle's estimate wanders, and take another change of it.
+
+        A noisy estimator wanders by decimetres all the time (PX4's simulator SIH), and slides by nothing; a
+        slide itself is no wandering.
+        """
+        wander_m = SIGMAS * math.sqrt(self._wander_m2)
+        if not self._scans or abs(moved_m) <= max(SLIDE_M, wander_m):
+            self._scans += 1
+            self._wander_m2 += (moved_m**2 - self._wander_m2) / min(self._scans, WANDERS_OVER)
+        return wander_m
 
     def _climbed_m(self, at_ns: int) -> float:
         """Return the integral of the autopilot's vertical velocity up to a time."""

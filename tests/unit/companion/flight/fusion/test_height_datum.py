@@ -146,3 +146,14 @@ def test_a_jump_that_begins_an_epoch_begins_the_datum_anew() -> None:
     assert rig.history.epoch == 1
     rig.scan(7.1, 3.0)
     assert rig.history.correction.is_none
+
+
+class _Wandering(Rig):
+    """An estimate whose height wanders by decimetres that its velocity does not know, as PX4's in SIH."""
+
+    def slid_m(self, t_s: float, size_m: float) -> float:
+        return super().slid_m(t_s, size_m) + 0.12 * float(np.sin(2.0 * t_s) + np.sin(0.9 * t_s))
+
+
+def test_an_estimate_that_wanders_all_the_time_is_followed_by_the_map_alone() -> None:
+    assert _Wandering().fly(0.0, until_s=14.0).shift_m == pytest.approx(0.0, abs=0.05)
