@@ -66,6 +66,7 @@ class HeightDatum:
         self._history, self._epoch = history, history.epoch
         self._ground = _RecentGround()
         self._recent: deque[_Datum] = deque()
+        self._begun: _Datum | None = None
         self._wander_m2, self._scans = 0.0, 0
         self._last: tuple[int, float, float] | None = None  # stamp, climb rate, integral of it
 
@@ -105,11 +106,16 @@ class HeightDatum:
         first, last = self._recent[0], self._recent[-1]
         wander_m = self._wander_m(now.offset_m - first.offset_m)
         slide_m = max(SLIDE_M, wander_m)
-        if abs(now.offset_m - first.offset_m) > slide_m and not now.slid_since(first, slide_m):
+        begun = self._begun or first  # the filter takes more of a long slide for a velocity
+        slides = now.slid_since(first, slide_m) or now.slid_since(begun, slide_m)
+        if abs(now.offset_m - first.offset_m) <= slide_m:
+            slides, begun = False, None
+        elif not slides:
             return False  # something fills the view, or the sensor repeats a picture
+        self._begun = begun
         self._recent.append(now)
         suddenly_m = SLIDE_MS * (now.stamp_ns - last.stamp_ns) * 1e-9 * slide_m / SLIDE_M
-        return now.slid_since(first, slide_m) or (last is not now and now.slid_since(last, suddenly_m))
+        return slides or (last is not now and now.slid_since(last, suddenly_m))
 
     def _wander_m(self, moved_m: float) -> float:
         """Return how far the offset of this vehicle's estimate wanders, and take another change of it.
@@ -137,6 +143,7 @@ class HeightDatum:
         self._history.correction = replace(self._history.correction, slide_up_ms=0.0)
         self._epoch, self._ground, self._last = self._history.epoch, _RecentGround(), None
         self._recent.clear()
+        self._begun = None
 
 
 @dataclass(frozen=True, slots=True)

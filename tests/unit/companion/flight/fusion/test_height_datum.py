@@ -157,3 +157,20 @@ class _Wandering(Rig):
 
 def test_an_estimate_that_wanders_all_the_time_is_followed_by_the_map_alone() -> None:
     assert _Wandering().fly(0.0, until_s=14.0).shift_m == pytest.approx(0.0, abs=0.05)
+
+
+class _Absorbing(Rig):
+    """An estimator that takes more and more of a slow slide for a velocity, as EKF3 does."""
+
+    def slid_m(self, t_s: float, size_m: float) -> float:
+        return size_m * (1 - np.exp(-(t_s - FROM_S) / 3.0)) if t_s > FROM_S else 0.0
+
+    def pose(self, t_s: float, up_m: float, climb_ms: float, east_m: float = 0.0) -> None:
+        sliding_ms = (self.slid_m(t_s + 0.01, 3.0) - self.slid_m(t_s - 0.01, 3.0)) / 0.02
+        share = min(0.7, max(0.0, 0.2 * (t_s - FROM_S)))
+        super().pose(t_s, up_m, climb_ms + share * sliding_ms, east_m)
+
+
+def test_a_slide_is_followed_to_its_end_though_the_velocity_explains_more_and_more_of_it() -> None:
+    rig = _Absorbing().fly(3.0, until_s=12.0)
+    assert rig.shift_m == pytest.approx(-rig.slid_m(12.0, 3.0), abs=0.1)
