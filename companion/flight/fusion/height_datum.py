@@ -106,13 +106,12 @@ class HeightDatum:
         first, last = self._recent[0], self._recent[-1]
         wander_m = self._wander_m(now.offset_m - first.offset_m)
         slide_m = max(SLIDE_M, wander_m)
+        moves = abs(now.offset_m - first.offset_m) > slide_m
         begun = self._begun or first  # the filter takes more of a long slide for a velocity
-        slides = now.slid_since(first, slide_m) or now.slid_since(begun, slide_m)
-        if abs(now.offset_m - first.offset_m) <= slide_m:
-            slides, begun = False, None
-        elif not slides:
+        slides = moves and (now.slid_since(first, slide_m) or now.slid_since(begun, slide_m))
+        if moves and not slides:
             return False  # something fills the view, or the sensor repeats a picture
-        self._begun = begun
+        self._begun = begun if slides else None
         self._recent.append(now)
         suddenly_m = SLIDE_MS * (now.stamp_ns - last.stamp_ns) * 1e-9 * slide_m / SLIDE_M
         return slides or (last is not now and now.slid_since(last, suddenly_m))
