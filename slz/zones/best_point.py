@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.grid import Box
-from slz.kernels.raster.bitmap import Bits, packed
+from slz.kernels.raster.bitmap import packed
 from slz.kernels.raster.distance_transform import greatest_clearance, largest_square, most_certain
 from slz.kernels.raster.square_erosion import erode_to_side
 from slz.landing_point.helicopter_areas import helicopter_areas
@@ -41,13 +41,19 @@ class GreatestClearance:
 def greatest_clearance_of(candidate: Candidate, terrain: CellView, least_side: int) -> GreatestClearance:
     """Return the cells whose clearance is within half a cell of the greatest.
 
-    Ground that is safe with little to spare may be refused when it is seen from nearer. So where the
-    undoubted ground of a zone holds the square of `least_side` cells that a zone must hold, clearance is the
-    distance to any other ground.
+    Ground that is safe with little to spare may be refused when it is seen from nearer. So where none of them
+    is amid undoubted ground, as wide as the square of `least_side` cells that a zone must hold, and the zone
+    has such ground elsewhere, clearance is the distance to any other ground.
     """
-    wide = candidate.words_box
-    part, side = _undoubted(candidate, terrain, least_side)
-    found = greatest_clearance(part, side)
+    wide, found = candidate.words_box, greatest_clearance(candidate.own_bits, candidate.square_side)
+    undoubted = terrain.layer("certainty", candidate.box) >= np.float32(UNDOUBTED)
+    sure = packed(np.pad(undoubted, ((0, 0), (candidate.first, 0)))) & candidate.own_bits
+    corners = sure.copy()
+    erode_to_side(corners, 1, least_side)
+    if corners.any():
+        rows, cols = (found[:, :2] - (least_side - 1) // 2).T
+        amid = corners[rows, cols >> 6] >> (cols & 63).astype(np.uint64) & np.uint64(1) == 1
+        found = found[amid] if amid.any() else greatest_clearance(sure, largest_square(corners, least_side))
     cells = found[:, :2] + np.array([wide.row0, wide.col0])
     return GreatestClearance(
         cells=cells,
@@ -55,17 +61,6 @@ def greatest_clearance_of(candidate: Candidate, terrain: CellView, least_side: i
         slope_deg=np.nan_to_num(terrain.layer_at("slope_deg", cells), nan=90.0),
         certainty=terrain.layer_at("certainty", cells),
     )
-
-
-def _undoubted(candidate: Candidate, terrain: CellView, least_side: int) -> tuple[Bits, int]:
-    """Return a zone's undoubted cells and the side of their largest square, or those of the whole zone."""
-    undoubted = terrain.layer("certainty", candidate.box) >= np.float32(UNDOUBTED)
-    sure = packed(np.pad(undoubted, ((0, 0), (candidate.first, 0)))) & candidate.own_bits
-    corners = sure.copy()
-    erode_to_side(corners, 1, least_side)
-    if corners.any():
-        return sure, largest_square(corners, least_side)
-    return candidate.own_bits, candidate.square_side
 
 
 def best_point(
