@@ -10,7 +10,6 @@ import numpy as np
 
 from companion.flight.fusion.boresight_check import BoresightCheck
 from companion.flight.fusion.georeference import Georeferencer
-from companion.flight.fusion.height_datum import HeightDatum
 from companion.flight.fusion.odometry.place_source import PlaceSource
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.fusion.repeated_picture import RepeatedPicture, View
@@ -65,7 +64,7 @@ class ScanAssembler:
         self._history = history
         self._on_scan = on_scan
         self._specks, self._epoch = specks, history.epoch
-        self._place = HeightDatum(history) if odometry is None and specks is not None else odometry
+        self._place = odometry
         self._georeferencer = Georeferencer(parameters)
         self._filter = VehicleAndDustFilter(parameters)
         self._repeated = RepeatedPicture()
