@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.grid import Box
-from slz.kernels.raster.bitmap import packed
+from slz.kernels.raster.bitmap import Bits, packed, unpacked
 from slz.kernels.raster.distance_transform import greatest_clearance, largest_square, most_certain
 from slz.kernels.raster.square_erosion import erode_to_side
 from slz.landing_point.helicopter_areas import helicopter_areas
@@ -46,21 +46,45 @@ def greatest_clearance_of(candidate: Candidate, terrain: CellView, least_side: i
     has such ground elsewhere, clearance is the distance to any other ground.
     """
     wide, found = candidate.words_box, greatest_clearance(candidate.own_bits, candidate.square_side)
-    undoubted = terrain.layer("certainty", candidate.box) >= np.float32(UNDOUBTED)
-    sure = packed(np.pad(undoubted, ((0, 0), (candidate.first, 0)))) & candidate.own_bits
-    corners = sure.copy()
-    erode_to_side(corners, 1, least_side)
-    if corners.any():
-        rows, cols = (found[:, :2] - (least_side - 1) // 2).T
-        amid = corners[rows, cols >> 6] >> (cols & 63).astype(np.uint64) & np.uint64(1) == 1
-        found = found[amid] if amid.any() else greatest_clearance(sure, largest_square(corners, least_side))
-    cells = found[:, :2] + np.array([wide.row0, wide.col0])
+    cells, distance2 = found[:, :2] + np.array([wide.row0, wide.col0]), found[:, 2]
+    amid = _amid_undoubted(candidate, terrain, cells, least_side)
+    if amid.any():
+        cells, distance2 = cells[amid], distance2[amid]
+    else:
+        box = candidate.box
+        sure, corners = _undoubted(candidate, terrain, box, least_side)
+        if corners.any():
+            found = greatest_clearance(sure, largest_square(corners, least_side))
+            cells, distance2 = found[:, :2] + np.array([box.row0, box.col0]), found[:, 2]
     return GreatestClearance(
         cells=cells,
-        distance2=found[:, 2],
+        distance2=distance2,
         slope_deg=np.nan_to_num(terrain.layer_at("slope_deg", cells), nan=90.0),
         certainty=terrain.layer_at("certainty", cells),
     )
+
+
+def _amid_undoubted(
+    candidate: Candidate, terrain: CellView, cells: NDArray[np.int64], least_side: int
+) -> NDArray[np.bool_]:
+    """Return which of the cells of greatest clearance are amid a square of undoubted ground."""
+    if not len(cells):  # its square is larger than what is left of it
+        return np.zeros(0, bool)
+    first, box = cells - (least_side - 1) // 2, candidate.box
+    (row0, col0), (row1, col1) = first.min(axis=0).tolist(), (first.max(axis=0) + least_side).tolist()
+    around = Box(row0, min(row1, box.row1), col0, min(col1, box.col1))
+    _, corners = _undoubted(candidate, terrain, around, least_side)
+    rows, cols = (first - (row0, col0)).T
+    return np.asarray(unpacked(corners, 0, around.shape[1])[rows, cols] == 1)
+
+
+def _undoubted(candidate: Candidate, terrain: CellView, box: Box, least_side: int) -> tuple[Bits, Bits]:
+    """Return the zone's undoubted cells in a box, and the south-west corners of their squares."""
+    own = candidate.component[box.relative_to(candidate.box).slices]
+    sure = packed((terrain.layer("certainty", box) >= np.float32(UNDOUBTED)) & (own == 1))
+    corners = sure.copy()
+    erode_to_side(corners, 1, least_side)
+    return sure, corners
 
 
 def best_point(
