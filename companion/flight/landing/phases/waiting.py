@@ -5,14 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from companion.flight.landing.landing_state import SECOND, LandingState
-from companion.flight.landing.situation import LandingRequest, Phase, Severity, Situation, VehicleCommands
+from companion.flight.landing.situation import (
+    LandingRequest,
+    Phase,
+    Severity,
+    Situation,
+    VehicleCommands,
+    known,
+)
 
 STEADY_NS = 2 * SECOND  # airborne and level before an automatic start
 TELL_AGAIN_NS = 30 * SECOND
 LEAST_HEIGHT_M = 5.0  # over ground, for an automatic start; less with a lower survey height
 REASON_NS = 5 * SECOND  # for which a start waits before the pilot is told why
 LEVEL_MS = 0.3  # greatest vertical speed of a vehicle that is level
-NOT_LEVEL, NO_GROUND, TOO_LOW = "not level", "no ground seen", "lower than"  # what a climb ends
 
 
 class Waiting:
@@ -55,9 +61,13 @@ class Waiting:
         if not self._is_wanted(s):
             state.level_since_ns = self._waits_for = None
             self._reported.clear()
-        elif reason := self._reason_to_wait(s):
+        elif reason := self._missing(s):
             state.level_since_ns = None
-            self._report(reason, s)
+            self._report(Severity.WARNING, reason, s)
+        elif reason := self._ended_by_climb(s):
+            state.level_since_ns = None
+            climbs = float(known(s.velocity_enu_ms)[2]) >= LEVEL_MS
+            self._report(Severity.INFO if climbs else Severity.WARNING, reason, s)
         elif state.too_windy(s):
             state.level_since_ns = None
             state.report_wind(s)
@@ -72,32 +82,30 @@ class Waiting:
         handed_over = s.connected and s.armed and s.guided and s.on_ground is not True
         return self._state.auto and handed_over and self._state.hand_over.given and not s.no_command_reason
 
-    def _reason_to_wait(self, s: Situation) -> str:
-        """Return the reason against an automatic start, which is told; "" without one."""
-        state = self._state
-        height_m = float("nan") if s.report is None else s.report.choice.height_m
-        least_m = min(LEAST_HEIGHT_M, state.parameters.survey_height_m)
+    def _missing(self, s: Situation) -> str:
+        """Return the input that an automatic start lacks, "" where it has all."""
         if not s.fit:
             return "autopilot's parameters"
-        if s.estimate_lost or state.gps_loss.is_on:
+        if s.estimate_lost or self._state.gps_loss.is_on:
             return f"{s.estimate_lost or 'GPS'} lost"
         if s.position_enu_m is None or s.velocity_enu_ms is None:
             return "no position"
         if s.on_ground is not False:
             return "landed state unknown"
-        if not s.lidar_ok:
-            return s.no_map_reason.text
-        if np.isnan(height_m):
-            return NO_GROUND
-        if height_m <= least_m:
-            return f"{TOO_LOW} {least_m:.0f} m over ground"
-        return NOT_LEVEL if abs(float(s.velocity_enu_ms[2])) >= LEVEL_MS else ""
+        return "" if s.lidar_ok else s.no_map_reason.text
 
-    def _report(self, reason: str, s: Situation) -> None:
-        """Report a reason to wait that lasts, once in a hand-over; one that a climb ends is no warning."""
-        climbs = s.velocity_enu_ms is not None and float(s.velocity_enu_ms[2]) >= LEVEL_MS
-        ends_by_itself = climbs and reason.startswith((NOT_LEVEL, NO_GROUND, TOO_LOW))
-        severity = Severity.INFO if ends_by_itself else Severity.WARNING
+    def _ended_by_climb(self, s: Situation) -> str:
+        """Return what delays an automatic start until the vehicle has climbed, "" for nothing."""
+        height_m = float("nan") if s.report is None else s.report.choice.height_m
+        least_m = min(LEAST_HEIGHT_M, self._state.parameters.survey_height_m)
+        if np.isnan(height_m):
+            return "no ground seen"
+        if height_m <= least_m:
+            return f"lower than {least_m:.0f} m over ground"
+        return "not level" if abs(float(known(s.velocity_enu_ms)[2])) >= LEVEL_MS else ""
+
+    def _report(self, severity: Severity, reason: str, s: Situation) -> None:
+        """Report a reason to wait that lasts, once in a hand-over."""
         text = f"{reason}: waiting"
         self._state.note_lasting(text)
         if (severity, reason) != self._waits_for:
