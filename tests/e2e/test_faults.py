@@ -1,15 +1,17 @@
 """A few flights of the fault campaign; all of it: `make campaign`."""
 
+import asyncio
 from pathlib import Path
 
 import pytest
 
 from companion.flight.landing.situation import Phase
-from sitl import scenes
+from sitl import faults, scenes
 from sitl.truth.touchdown import footing
 from tests.campaign import reactions
 from tests.campaign.flight import fly
 from tests.campaign.plan import Plan, number_of, plan
+from tests.e2e.harness import Mission
 
 
 @pytest.mark.parametrize(
@@ -38,3 +40,33 @@ def test_among_kerbs_the_vehicle_lands_where_its_gear_stands(number: int, tmp_pa
     standing = footing(scenes.build("streets", number).world, flown["touchdown"])
     assert standing.tilt_deg is not None
     assert standing.tilt_deg < 8.0
+
+
+@pytest.mark.parametrize(
+    ("size_m", "height_m"),
+    [
+        (-3.0, 4.0),
+        *(
+            pytest.param(size_m, height_m, marks=pytest.mark.bench)
+            for size_m, height_m in ((3.0, 2.0), (-3.0, 2.0), (3.0, 4.0), (3.0, 8.0), (-3.0, 8.0))
+        ),
+    ],
+)
+def test_a_barometer_that_jumps_in_the_descent_ends_no_landing(size_m: float, height_m: float) -> None:
+    """Without the height datum: four aborts, and "target lost: take over" where it jumps down at 2 m."""
+    low = {"survey_s": 4.0, "survey_height_m": 12.0, "zone_m": 80.0, "max_range_m": 60.0}
+    climbs = {"parameters": {"WPNAV_SPEED_UP": 500.0}}
+    mission = Mission("plain", seed=1, height_m=12.0, simulated=climbs, **low)
+    (jump,) = faults.read(f"baro_jump={size_m}@{height_m}", 1)
+    mission.sim.every_tick.append(jump)
+
+    async def script(m: Mission) -> None:
+        await m.until(lambda: m.sim.touchdown is not None and not m.sim.autopilot.armed)
+        await asyncio.sleep(2)
+
+    mission.fly(script)
+    assert jump.has_begun
+    assert mission.companion.executive.tally.abort_reasons == []
+    assert not [text for text in mission.heard if "take over" in text]
+    assert mission.touchdown_safe()
+    assert mission.touchdown_error_m() <= 0.5

@@ -10,6 +10,7 @@ import numpy as np
 
 from companion.flight.fusion.boresight_check import BoresightCheck
 from companion.flight.fusion.georeference import Georeferencer
+from companion.flight.fusion.height_datum import HeightDatum
 from companion.flight.fusion.odometry.place_source import PlaceSource
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.fusion.repeated_picture import RepeatedPicture, View
@@ -38,9 +39,9 @@ class ScanAssembler:
     on_scan
         Called with every scan, in order.
     specks
-        Judge of each return, None to judge none.
+        Judge of each return, None to judge none, and to leave the history to another sensor's scans.
     odometry
-        Follows the scans, and corrects the history's poses; None for none.
+        Follows the scans, and corrects the history's poses; None corrects the height alone.
 
     Attributes
     ----------
@@ -64,7 +65,7 @@ class ScanAssembler:
         self._history = history
         self._on_scan = on_scan
         self._specks, self._epoch = specks, history.epoch
-        self._odometry = odometry
+        self._place = HeightDatum(history) if odometry is None and specks is not None else odometry
         self._georeferencer = Georeferencer(parameters)
         self._filter = VehicleAndDustFilter(parameters)
         self._repeated = RepeatedPicture()
@@ -137,8 +138,8 @@ class ScanAssembler:
         if scan is not None:
             self.scans += 1
             self.boresight.add(scan, self._history)
-            if self._odometry is not None:
-                self._odometry.add(scan)
+            if self._place is not None:
+                self._place.add(scan)
             placed = self._history.correction_at(int(scan.stamp_ns[-1])).scan(scan)
             self._on_scan(self._judged(placed))
 

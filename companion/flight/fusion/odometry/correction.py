@@ -28,13 +28,15 @@ class Correction:
     track. So the pivot goes with the vehicle, and the shift stays.
 
     turn_rad : (3,), rotation vector about east, north and up. pivot_enu_m, shift_enu_m : (3,).
-    rate_enu_ms : (3,), how fast the shift changes.
+    rate_enu_ms : (3,), how fast the shift changes, and the velocity is wrong.
+    slide_up_ms : how fast the shift changes while the velocity is right, up to the last stamp of a scan.
     """
 
     turn_rad: Floats = field(default_factory=_zeros)
     pivot_enu_m: Floats = field(default_factory=_zeros)
     shift_enu_m: Floats = field(default_factory=_zeros)
     rate_enu_ms: Floats = field(default_factory=_zeros)
+    slide_up_ms: float = 0.0
 
     @property
     def is_none(self) -> bool:
@@ -84,11 +86,18 @@ class Correction:
             )
         return replace(
             scan,
-            points_enu_m=self._moved(scan.points_enu_m),
+            points_enu_m=self._moved(self.levelled(scan)),
             sensor_enu_m=self._moved(scan.sensor_enu_m),
             open_enu_m=None if scan.open_enu_m is None else self._moved(scan.open_enu_m),
             attributes=lost,
         )
+
+    def levelled(self, scan: Scan) -> Floats:
+        """Return the points (n, 3) of a scan where the estimate of its last stamp has them."""
+        if not self.slide_up_ms:
+            return scan.points_enu_m
+        early_s = (scan.stamp_ns[-1] - scan.stamp_ns) * 1e-9
+        return scan.points_enu_m - np.outer(early_s, (0.0, 0.0, self.slide_up_ms))
 
     def _moved(self, enu_m: Floats) -> Floats:
         moved = np.ascontiguousarray(self.points(enu_m))
