@@ -89,7 +89,7 @@ def corridors(
     ----------
     near, far
         Maps of the ground and what stands on it, or the same twice. Up to `NEAR_M` from the point the far map
-        counts only where the near one does not know all the ground.
+        counts only where the near one does not know all the ground: a gap in safe ground counts as known.
     air
         Air that rays passed; None where no ray is known, as in a survey of files: then nothing is clear.
     wires_enu_m
@@ -111,12 +111,12 @@ def corridors(
         box = terrain.around(cell_of(enu_m, terrain), math.ceil(to_m / grid.cell_m))
         ground, top = terrain.ground_and_top(box)
         lattice = grid.south_m + box.row0 * grid.cell_m, grid.west_m + box.col0 * grid.cell_m, grid.cell_m
+        safe, place = terrain.state(box) == SAFE, (float(enu_m[0]), float(enu_m[1]), floor_m)
         if known is not None:
             forget_known(top, *lattice, known[0], *known[1], floor_m)
-        known = ground, lattice
+        known = np.where(safe & np.isnan(ground), np.float32(0), ground), lattice  # its gap counts as seen
         if wires_enu_m is not None:
             _raise_to(wires_enu_m, top, *lattice)
-        safe, place = terrain.state(box) == SAFE, (float(enu_m[0]), float(enu_m[1]), floor_m)
         shape = radius_m, SPREAD, to_m, float(slopes[0])
         clear_over(top, safe, *lattice, *place, *shape, tangents, obstacles)
     blocked = (tangents[:, np.newaxis] > slopes) | np.isinf(tangents)[:, np.newaxis]

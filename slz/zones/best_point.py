@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.grid import Box
 from slz.kernels.raster.bitmap import Bits, packed, unpacked
-from slz.kernels.raster.distance_transform import greatest_clearance, largest_square, most_certain
+from slz.kernels.raster.distance_transform import distances2, greatest_clearance, largest_square, most_certain
 from slz.kernels.raster.square_erosion import erode_to_side
 from slz.landing_point.helicopter_areas import helicopter_areas
 from slz.landing_point.surroundings import ground_m, horizon_towards
@@ -21,7 +21,8 @@ from slz.zone import LandingPoint
 from slz.zones.detection import Candidate
 
 OTHERS = 6  # cells tried where the first has no heading
-UNDOUBTED = 0.99  # certainty of ground whose slope and relief are far from their limits
+# Certainty of ground whose slope and relief are far from their limits, and of less and less sure ground.
+LEAST_CERTAINTIES = 0.99, 0.98, 0.96, 0.92, 0.84
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,21 +42,28 @@ class GreatestClearance:
 def greatest_clearance_of(candidate: Candidate, terrain: CellView, least_side: int) -> GreatestClearance:
     """Return the cells whose clearance is within half a cell of the greatest.
 
-    Ground that is safe with little to spare may be refused when it is seen from nearer. So where none of them
-    is amid undoubted ground, as wide as the square of `least_side` cells that a zone must hold, and the zone
-    has such ground elsewhere, clearance is the distance to any other ground.
+    Ground that is safe with little to spare may be refused when it is seen from nearer. So the point is amid
+    undoubted ground, as wide as the square of `least_side` cells that a zone must hold; where the zone has
+    none, amid the surest that it has. Where none of the cells of greatest clearance is, those farthest from
+    any less sure ground are taken.
     """
     wide, found = candidate.words_box, greatest_clearance(candidate.own_bits, candidate.square_side)
     cells, distance2 = found[:, :2] + np.array([wide.row0, wide.col0]), found[:, 2]
-    amid = _amid_undoubted(candidate, terrain, cells, least_side)
+    amid = _amid_sure(candidate, terrain, cells, least_side)
     if amid.any():
         cells, distance2 = cells[amid], distance2[amid]
     else:
         box = candidate.box
-        sure, corners = _undoubted(candidate, terrain, box, least_side)
-        if corners.any():
-            found = greatest_clearance(sure, largest_square(corners, least_side))
-            cells, distance2 = found[:, :2] + np.array([box.row0, box.col0]), found[:, 2]
+        certainties = terrain.layer("certainty", box)
+        for least in LEAST_CERTAINTIES:
+            sure, corners = _sure(candidate, certainties, box, least, least_side)
+            if corners.any():
+                found = greatest_clearance(sure, largest_square(corners, least_side))
+                cells = found[:, :2] + np.array([box.row0, box.col0])
+                distance2 = distances2(
+                    candidate.own_bits, cells - (wide.row0, wide.col0), candidate.square_side
+                )
+                break
     return GreatestClearance(
         cells=cells,
         distance2=distance2,
@@ -64,7 +72,7 @@ def greatest_clearance_of(candidate: Candidate, terrain: CellView, least_side: i
     )
 
 
-def _amid_undoubted(
+def _amid_sure(
     candidate: Candidate, terrain: CellView, cells: NDArray[np.int64], least_side: int
 ) -> NDArray[np.bool_]:
     """Return which of the cells of greatest clearance are amid a square of undoubted ground."""
@@ -73,15 +81,19 @@ def _amid_undoubted(
     first, box = cells - (least_side - 1) // 2, candidate.box
     (row0, col0), (row1, col1) = first.min(axis=0).tolist(), (first.max(axis=0) + least_side).tolist()
     around = Box(row0, min(row1, box.row1), col0, min(col1, box.col1))
-    _, corners = _undoubted(candidate, terrain, around, least_side)
+    _, corners = _sure(
+        candidate, terrain.layer("certainty", around), around, LEAST_CERTAINTIES[0], least_side
+    )
     rows, cols = (first - (row0, col0)).T
     return np.asarray(unpacked(corners, 0, around.shape[1])[rows, cols] == 1)
 
 
-def _undoubted(candidate: Candidate, terrain: CellView, box: Box, least_side: int) -> tuple[Bits, Bits]:
-    """Return the zone's undoubted cells in a box, and the south-west corners of their squares."""
+def _sure(
+    candidate: Candidate, certainties: NDArray[np.float32], box: Box, least: float, least_side: int
+) -> tuple[Bits, Bits]:
+    """Return the zone's cells of a certainty in a box, and the south-west corners of their squares."""
     own = candidate.component[box.relative_to(candidate.box).slices]
-    sure = packed((terrain.layer("certainty", box) >= np.float32(UNDOUBTED)) & (own == 1))
+    sure = packed((certainties >= np.float32(least)) & (own == 1))
     corners = sure.copy()
     erode_to_side(corners, 1, least_side)
     return sure, corners

@@ -310,6 +310,21 @@ def greatest_clearance(part: Bits, side: int) -> Array2D[np.int64]:
 
 
 @kernel
+def distances2(part: Bits, cells: Strided2D[np.int64], side: int) -> Array1D[np.int64]:
+    """Return the squared distances (n,) from cells (n, 2) to the outside of a part.
+
+    Parameters
+    ----------
+    side
+        Of the part's largest square, which bounds them.
+    """
+    found, most2 = np.empty(len(cells), np.int64), 2 * (side + 2) * (side + 2)
+    for i in range(len(cells)):
+        found[i] = _distance2(part, cells[i, 0], cells[i, 1], 0, most2)[0]
+    return found
+
+
+@kernel
 def most_certain(
     cells: Strided2D[np.int64],
     certainty: Array1D[np.float32],

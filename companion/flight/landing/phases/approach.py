@@ -48,6 +48,7 @@ class Approach:
         self._over_since_ns: int | None = None  # over the point, in this approach
         self._standing_since_ns: int | None = None  # over the safe point, at a safe heading
         self._warned = False  # of the surface
+        self._refused_ns: int | None = None  # stamp of the first report that calls the point unsafe
 
     def start(self, s: Situation, enu_m: Vector, zone_id: int | None) -> VehicleCommands:
         """Choose a point and turn to it."""
@@ -61,7 +62,7 @@ class Approach:
         self._closer.reset()
         self._out.reset()
         state.path = None
-        self._warned = False
+        self._warned, self._refused_ns = False, None
         ground = ground_at(s, known(state.aim.enu_m), zone_id)
         named = ground if zone_id is not None else replace(ground, zone_id=None)
         state.say(Severity.INFO, f"approaching {named.text}")
@@ -81,7 +82,7 @@ class Approach:
         over = state.aim.away_m < OVER_M and float(np.hypot(*velocity[:2])) < OVER_MS
         if over and self._over_since_ns is None:
             self._over_since_ns = s.now_ns
-        if judged is PointState.UNSAFE:
+        if self._is_refused(s, judged):
             return state.break_off("point unsafe" + state.cause_suffix(s), s)
         if state.aim_is_beyond_fence(s):
             return state.break_off("point beyond the fence", s)
@@ -126,6 +127,18 @@ class Approach:
             into_wind_rad = state.into_wind.heading_rad
             return replace(commands, yaw_rad=touchdown_heading_rad(s.selected, s.heading_rad, into_wind_rad))
         return commands
+
+    def _is_refused(self, s: Situation, judged: PointState) -> bool:
+        """Return whether two reports in a row call the point unsafe.
+
+        From high above it a single one, of few returns, may err.
+        """
+        if judged is not PointState.UNSAFE or s.report is None:
+            self._refused_ns = None
+            return False
+        if self._refused_ns is None:
+            self._refused_ns = s.report.stamp_ns
+        return s.report.stamp_ns != self._refused_ns
 
     def descend_at_once(self, s: Situation) -> VehicleCommands | None:
         """Descend over a safe point without waiting; None if the vehicle is not ready to go straight down."""

@@ -9,8 +9,9 @@ import pytest
 from numpy.typing import NDArray
 
 import params
-from slz import LocalFrame, Pipeline, Window
-from slz.landing_point.corridors import BEARINGS, Corridors
+from slz import Grid, LocalFrame, Pipeline, Window
+from slz.landing_point.corridors import BEARINGS, Corridors, corridors
+from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
@@ -98,6 +99,23 @@ def test_a_wall_blocks_the_slopes_that_do_not_pass_over_it() -> None:
     assert found.obstacles_enu_m[NORTH, 2] == pytest.approx(5.0, abs=0.3)
     assert found.clear_slope_deg[SOUTH] == found.slopes_deg[0]
     assert found.overhead == SAFE
+
+
+def test_what_the_far_map_alone_holds_is_no_obstacle_over_a_gap_in_safe_ground() -> None:
+    """An error of the attitude lifts returns from far away. A gap that counts as seen to land on, is seen."""
+    parameters, rng = params.load("quadcopter"), np.random.default_rng(1)
+    ground = np.column_stack([rng.uniform(-12, 12, (60_000, 2)), rng.normal(0, 0.01, 60_000)])
+    lifted = np.array([[2.1, 0.1, 0.8]] * 30)
+    with_gap = ground[(np.abs(ground[:, :2] - (2.1, 0.1)) > 0.1).any(axis=1)]
+    terrains = []
+    for cell_m, points in ((0.2, with_gap), (1.0, np.concatenate([ground, lifted]))):
+        side = round(40 / cell_m)
+        terrains.append(EvidenceTerrain(Grid(-20.0, -20.0, cell_m, side, side), parameters))
+        terrains[-1].add(points, np.array([0.0, 0.0, 15.0]), 1.0)
+    near, far = terrains
+    point = np.array([0.1, 0.1, 0.0])
+    assert corridors(point, near, far, None, parameters).overhead == UNKNOWN
+    assert corridors(point, far, far, None, parameters).overhead == UNSAFE
 
 
 def test_air_that_was_not_seen_is_not_clear() -> None:

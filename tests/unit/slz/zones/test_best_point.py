@@ -38,6 +38,24 @@ def test_the_point_lies_on_undoubted_ground_where_that_is_wide_enough_for_a_zone
     assert best.clearance_m > 1.5
 
 
+def test_its_clearance_is_the_distance_to_the_edge_of_the_zone() -> None:
+    """Not to less sure ground: zones are ranked by it."""
+    heights = garden(even_cells=0)
+    heights[20:50, 20:50] = 0.11  # the mean height
+    best = zone_of(heights).best
+    assert (best.enu_m[:2] < 0.0).all()
+    assert best.clearance_m == pytest.approx(HALF_M + best.enu_m[:2].min() - 1.2, abs=2 * CELL_M)
+
+
+def test_without_such_ground_the_point_is_amid_the_surest_that_there_is() -> None:
+    """Paving of 0.23 m; in the east a square of it is 0.22 m high, which is surer."""
+    heights = garden(even_cells=0) * 0.23 / 0.22
+    heights[30:60, 60:90] *= 0.22 / 0.23
+    best = zone_of(heights).best
+    assert (np.array([-HALF_M + 62 * CELL_M, -HALF_M + 32 * CELL_M]) < best.enu_m[:2]).all()
+    assert (best.enu_m[:2] < np.array([-HALF_M + 88 * CELL_M, -HALF_M + 58 * CELL_M])).all()
+
+
 def test_without_such_ground_the_point_has_the_greatest_clearance_of_the_zone() -> None:
     best = zone_of(garden(even_cells=10)).best
     assert best.enu_m[:2] == pytest.approx([0.0, 0.0], abs=4.0)

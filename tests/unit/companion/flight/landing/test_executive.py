@@ -96,6 +96,18 @@ def test_point_that_turns_unsafe_above_commit_height_is_left_for_another(height:
     assert np.hypot(*(flight.position[:2] - [-30, 0])) < 0.5
 
 
+def test_one_report_alone_ends_no_approach() -> None:
+    """High above the point it may have had few returns; the next one that says the same ends it."""
+    flight = Flight([zone(1, 60, 0)]).fly_to(Phase.APPROACH)
+    for wrong_s, aborts in ((0.8, 0), (2.5, 1)):
+        flight.run(1.05 - flight.time_s % 1.0)
+        flight.state = lambda _h, _point: PointState.UNSAFE
+        flight.run(wrong_s)
+        flight.state = lambda _h, _point: PointState.SAFE
+        flight.run(2.0)
+        assert flight.executive.tally.aborts == aborts
+
+
 def test_below_commit_height_the_landing_goes_on() -> None:
     flight = Flight([zone(1, 10, 0)], commit_height_m=1.5)
     flight.state = lambda h, _point: PointState.UNSAFE if h < 1.2 else PointState.SAFE
