@@ -73,6 +73,7 @@ class SituationSource:
         self.asked_enu_ms: NDArray[np.float64] | None = None
         self._last_scan_ns: int | None = None
         self._last_report_ns: int | None = None
+        self._map_begun_ns: int | None = None
 
     # ---- what comes in --------------------------------------------------------------------------
 
@@ -87,7 +88,7 @@ class SituationSource:
 
     def on_new_map(self) -> None:
         """Forget the report: it was of the map before."""
-        self.newest = self._last_report_ns = None
+        self.newest, self._last_report_ns, self._map_begun_ns = None, None, now_ns()
 
     # ---- what is known --------------------------------------------------------------------------
 
@@ -153,8 +154,7 @@ class SituationSource:
 
     def report_is_fresh(self, now: int) -> bool:
         """Tell whether the newest report is of the last windows: they last up to 2 s over few returns."""
-        limit = (self._worker.window_s + self._p.window_s + 1.0) * 1e9
-        return self._last_report_ns is not None and now - self._last_report_ns < limit
+        return _is_recent(self._last_report_ns, now, self._report_limit_ns)
 
     def scans_are_fresh(self, now: int) -> bool:
         """Tell whether something is seen, and the LiDAR sends: a radar sees for it, but not in its place."""
@@ -174,7 +174,14 @@ class SituationSource:
             return MissingInput.LIDAR_LOST
         if not self.scans_are_fresh(now):
             return MissingInput.SCANS_LATE
-        return MissingInput.MAP_INVALID if self._worker.invalid else MissingInput.MAP_LATE
+        if self._worker.invalid:
+            return MissingInput.MAP_INVALID
+        begins = _is_recent(self._map_begun_ns, now, self._report_limit_ns)
+        return MissingInput.MAP_BEGINS if begins else MissingInput.MAP_LATE
+
+    @property
+    def _report_limit_ns(self) -> int:
+        return round((self._worker.window_s + self._p.window_s + 1.0) * 1e9)
 
     def _mode_is_known(self, now: int) -> bool:
         return _is_recent(self._link.vehicle.last_heartbeat_ns, now, HEARD_NS)

@@ -43,6 +43,7 @@ class MissingInput(Enum):
     LIDAR_LOST = "LiDAR", "lost"
     SCANS_LATE = "scans", "late"
     MAP_LATE = "map", "late"
+    MAP_BEGINS = "map", "begun anew"  # the position jumped, or the pilot asked for it
     MAP_INVALID = "map", "invalid"
     POSITION_LOST = "position", "lost"
 
