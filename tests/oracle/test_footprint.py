@@ -348,7 +348,8 @@ def test_a_wall_near_by_does_not_blur_the_roughness_of_even_ground(step_m: float
 
 # ---- evidence -----------------------------------------------------------------------------------
 
-ROWS, COLS, CELL_M, HOLD_S, MAX_AGE_S, CROWD, FEW = 4, 5, 0.5, 5.0, 60.0, 64, 20
+ROWS, COLS, CELL_M, HOLD_S, MAX_AGE_S, FEW = 4, 5, 0.5, 5.0, 60.0, 20
+CROWD = {1: 64, -1: 32}  # returns of a cell, for tops and for bottoms
 RANGE_NOISE_M, ANGLE_NOISE_RAD = 0.02, 0.003
 
 
@@ -462,12 +463,12 @@ def supported(
         """Return the highest return and how high the next one reaches, of heights times the sign."""
         own = sorted((sign * z for z in cells[row, col]), reverse=True)
         others = own[1:2]
-        if len(own) < CROWD:
+        if len(own) < CROWD[sign]:
             for i in range(row - 1, row + 2):
                 for j in range(col - 1, col + 2):
                     around = sorted((sign * z for z in cells.get((i, j), [])), reverse=True)
                     if around and (i, j) != (row, col):
-                        others.append(around[1] if len(around) >= CROWD else around[0])
+                        others.append(around[1] if len(around) >= CROWD[sign] else around[0])
         return own[0], max(others, default=math.inf)
 
     own = cells[row, col]

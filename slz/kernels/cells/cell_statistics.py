@@ -44,7 +44,9 @@ from slz.kernels.simd import (
 )
 
 FEW_RETURNS = np.float32(20)  # returns of 3 x 3 cells, up to which extremes need no support
-CROWD = np.float32(64)  # returns of a cell, above which a hazard shows in more than one of them
+# Returns of a cell, above which a hazard shows in more than one of them: a wire takes a fortieth of the rays,
+# a hole all that enter it.
+CROWD, CROWD_BELOW = np.float32(64), np.float32(32)
 STRAY = np.float32(0.5)  # m beyond the supported extreme, above which a return is left out of the mean
 
 # Layers of a row during evaluation, for both epochs together and then for the current one: number of returns,
@@ -77,14 +79,15 @@ BEYOND_ONE = np.array([expected_maximum(float(n)) - 1 if n > 8 else 0.0 for n in
 def _store_epoch(
     held: Row, width: int, at: int, n: Floats, most: Floats, most2: Floats, least: Floats, least2: Floats
 ) -> None:
-    nobody, single = n == broadcast(F0), n < broadcast(CROWD)
+    nobody = n == broadcast(F0)
+    up, down = n < broadcast(CROWD), n < broadcast(CROWD_BELOW)
     store(held, at + COUNTED * width, n)
     store(held, at + ROW_MAX * width, most)
     store(held, at + ROW_MAX2 * width, most2)
     store(held, at + ROW_MIN * width, least)
     store(held, at + ROW_MIN2 * width, least2)
-    store(held, at + UP * width, where(nobody, broadcast(LOWEST), where(single, most, most2)))
-    store(held, at + DOWN * width, where(nobody, broadcast(HIGHEST), where(single, least, least2)))
+    store(held, at + UP * width, where(nobody, broadcast(LOWEST), where(up, most, most2)))
+    store(held, at + DOWN * width, where(nobody, broadcast(HIGHEST), where(down, least, least2)))
 
 
 @kernel_part
@@ -184,9 +187,8 @@ def _supported(
             if at != here:
                 up = maximum(up, load(held, at + UP * width))
                 down = minimum(down, load(held, at + DOWN * width))
-    single = n < broadcast(CROWD)
-    most2 = where(single, maximum(most2, up), most2)
-    least2 = where(single, minimum(least2, down), least2)
+    most2 = where(n < broadcast(CROWD), maximum(most2, up), most2)
+    least2 = where(n < broadcast(CROWD_BELOW), minimum(least2, down), least2)
     top, bottom = minimum(most, most2), maximum(least, least2)
     crossed, level = top < bottom, where(most2 < most, most2, least2)  # a lone return far from all others
     top, bottom = where(crossed, level, top), where(crossed, level, bottom)
@@ -241,7 +243,7 @@ def summarise(
     returns of both epochs are few, a wire or fence may have sent back a single one, so no support is needed;
     the few returns at the beginning of an epoch over ground seen often do need it. Support comes
     from the cell itself or, while the cell has few returns, from its neighbours: with many returns, ghosts in
-    two adjacent cells are likely by chance. Older returns must not outvote new ones: where support cuts an
+    two adjacent cells are likely by chance, below the ground with half as many. Older returns must not outvote new ones: where support cuts an
     extreme, top and bottom reach as far as the supported extremes of both epochs together or of the current
     epoch alone. The height is the mean without unsupported extremes. The excess is the distance beyond one
     standard deviation to which noise alone is expected to carry the extremes of that many returns; the spread

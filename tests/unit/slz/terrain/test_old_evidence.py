@@ -49,6 +49,20 @@ def test_a_wire_that_came_since_the_ground_was_seen_is_a_hazard_in_the_first_win
     assert (state == UNSAFE).all()
 
 
+def test_below_ground_seen_often_two_ghosts_are_no_hole_and_what_takes_its_share_of_the_rays_is() -> None:
+    """Multipath of two rays fell in cells beside each other, 2 m below the vehicle, and ended a landing."""
+    rng = np.random.default_rng(6)
+    for below in (np.array([[-0.1, 0.1], [0.1, 0.1]]), rng.uniform((-0.1, 0.0), (0.0, 0.2), (16, 2))):
+        pipe = Pipeline(params.load("quadcopter", ["adaptive=off", "register_m=0"]))
+        dense = ground(rng, 0.03)
+        look(pipe, np.vstack([dense, np.column_stack([below, np.full(len(below), -1.6)])]), 0.0, 0.0)
+        maps = pipe.maps(which="near")
+        assert maps is not None
+        row, col = maps.grid.index(0.1, 0.1)
+        found = maps.state[row - maps.box.row0, col - maps.box.col0]
+        assert found == (SAFE if len(below) == 2 else UNSAFE)
+
+
 def test_what_is_too_old_adds_nothing_to_what_comes() -> None:
     """Ground that was a metre higher, and is seen again when that no longer counts, is level at once."""
     rng = np.random.default_rng(4)
