@@ -45,20 +45,26 @@ def test_among_kerbs_the_vehicle_lands_where_its_gear_stands(number: int, tmp_pa
 
 
 @pytest.mark.parametrize(
-    ("size_m", "height_m"),
+    ("size_m", "height_m", "odometry"),
     [
-        (-3.0, 4.0),
+        (-3.0, 4.0, "off"),
         *(
-            pytest.param(size_m, height_m, marks=pytest.mark.bench)
-            for size_m, height_m in ((3.0, 2.0), (-3.0, 2.0), (3.0, 4.0), (3.0, 8.0), (-3.0, 8.0))
+            pytest.param(*each, marks=pytest.mark.bench)
+            for each in (
+                *((size_m, height_m, "off") for height_m in (2.0, 4.0, 8.0) for size_m in (3.0, -3.0)),
+                (3.0, 4.0, "map"),
+                (-3.0, 4.0, "map"),
+            )
         ),
     ],
 )
-def test_a_barometer_that_jumps_in_the_descent_ends_no_landing(size_m: float, height_m: float) -> None:
+def test_a_barometer_that_jumps_in_the_descent_ends_no_landing(
+    size_m: float, height_m: float, odometry: str
+) -> None:
     """Without the height datum: four aborts, and "target lost: take over" where it jumps down at 2 m."""
     low = {"survey_s": 4.0, "survey_height_m": 12.0, "zone_m": 80.0, "max_range_m": 60.0}
     climbs = {"parameters": {"WPNAV_SPEED_UP": 500.0}}
-    mission = Mission("plain", seed=1, height_m=12.0, simulated=climbs, **low)
+    mission = Mission("plain", seed=1, height_m=12.0, simulated=climbs, odometry=odometry, **low)
     (jump,) = faults.read(f"baro_jump={size_m}@{height_m}", 1)
     mission.sim.every_tick.append(jump)
 

@@ -39,9 +39,9 @@ class ScanAssembler:
     on_scan
         Called with every scan, in order.
     specks
-        Judge of each return, None to judge none, and to leave the history to another sensor's scans.
+        Judge of each return, None to judge none, and to leave the height datum to another sensor's scans.
     odometry
-        Follows the scans, and corrects the history's poses; None corrects the height alone.
+        Follows the scans, and corrects the history's poses; None for none.
 
     Attributes
     ----------
@@ -65,7 +65,8 @@ class ScanAssembler:
         self._history = history
         self._on_scan = on_scan
         self._specks, self._epoch = specks, history.epoch
-        self._place = HeightDatum(history) if odometry is None and specks is not None else odometry
+        self._height = None if specks is None else HeightDatum(history)
+        self._odometry = odometry
         self._georeferencer = Georeferencer(parameters)
         self._filter = VehicleAndDustFilter(parameters)
         self._repeated = RepeatedPicture()
@@ -138,8 +139,9 @@ class ScanAssembler:
         if scan is not None:
             self.scans += 1
             self.boresight.add(scan, self._history)
-            if self._place is not None:
-                self._place.add(scan)
+            for follower in (self._height, self._odometry):
+                if follower is not None:
+                    follower.add(scan)
             placed = self._history.correction_at(int(scan.stamp_ns[-1])).scan(scan)
             self._on_scan(self._judged(placed))
 

@@ -250,7 +250,8 @@ class LidarOdometry:
         """
         held = at_ns - self._seen_ns < LOST_NS
         self._drift.add(at_ns, state[3:5], bool(held[3:5].all()))
-        self._history.correction = Correction(state[:3], pivot_enu_m, state[3:6], state[6:])
+        slide_up_ms = self._history.correction.slide_up_ms
+        self._history.correction = Correction(state[:3], pivot_enu_m, state[3:6], state[6:], slide_up_ms)
         self._history.tracked_until_ns = at_ns + LOST_NS if held.all() else None
         pose = self._history.at(at_ns)
         if pose is None:
