@@ -241,13 +241,13 @@ def summarise(
     Top is the highest return of the cell, but no higher than its support: a second return that reaches as
     far. Bottom likewise. So one ghost does not make the ground unsafe, and two returns of a pole do. Where
     returns of both epochs are few, a wire or fence may have sent back a single one, so no support is needed;
-    the few returns at the beginning of an epoch over ground seen often do need it. Support comes
-    from the cell itself or, while the cell has few returns, from its neighbours: with many returns, ghosts in
-    two adjacent cells are likely by chance, below the ground with half as many. Older returns must not
-    outvote new ones: where support cuts an extreme, top and bottom reach as far as the supported extremes of
-    both epochs together or of the current epoch alone. The height is the mean without unsupported extremes. The excess is the distance beyond one
-    standard deviation to which noise alone is expected to carry the extremes of that many returns; the spread
-    is the variance of that noise.
+    the few returns at the beginning of an epoch over ground seen often do need it. Support comes from the
+    cell itself or, while the cell has few returns, from its neighbours: with many returns, ghosts in two
+    adjacent cells are likely by chance, below the ground with half as many. Older returns must not outvote
+    new ones: where support cuts an extreme, top and bottom reach as far as the supported extremes of both
+    epochs together or of the current epoch alone. The height is the mean without unsupported extremes. The
+    excess is the distance beyond one standard deviation to which noise alone is expected to carry the
+    extremes of that many returns; the spread is the variance of that noise.
 
     Parameters
     ----------
