@@ -114,6 +114,7 @@ REPORTED = (Reaction.CALL, Reaction.TELL, Reaction.HOLD)  # now and then, while 
 STICK_US = 80  # beyond the dead zones of both autopilots
 HELD_US = 150  # from the middle of the pulse: beyond the rest position of any calibrated transmitter
 MIDDLE_US = 1500
+STANDS_M = 0.15  # height over the point, at and below which the vehicle stands: nobody can move it any more
 CLIMBING_MS = 0.5  # climb rate that the change to LAND does not reach
 MOST_DRIFT_M = 0.8  # in ten seconds; a receiver under a clear sky wanders by a tenth of that
 
@@ -172,7 +173,8 @@ class Preconditions:
             broken[Precondition.GPS] = ""
         if s.velocity_enu_ms is not None and Precondition.POSITION not in broken:
             limit_m = off_point_m / 2 if stage is Stage.COMMITTED else off_point_m
-            broken |= self._motion(s, float(s.velocity_enu_ms[2]), aim.away_m > limit_m, aim.away_m)
+            is_off = aim.away_m > limit_m and aim.height_left_m > STANDS_M
+            broken |= self._motion(s, float(s.velocity_enu_ms[2]), is_off, aim.away_m)
         lasting = [
             precondition for precondition in Precondition if self._lasts(precondition, broken, s.now_ns)
         ]

@@ -86,6 +86,17 @@ def test_a_gust_that_is_over_in_a_moment_breaks_nothing_off() -> None:
     assert flight.executive.tally.aborts == 0
 
 
+def test_an_estimate_that_wanders_where_the_vehicle_stands_calls_nobody() -> None:
+    """Until the autopilot has detected the landing (PX4 in SIH: 7 s, in which it wandered by 0.5 m)."""
+    flight = flown_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 0.1)
+    flight.position[2] = 0.06  # not yet landed
+    flight.estimate_is_off_m = np.array([0.7, 0.0, 0.0])
+    flight.sinks = False
+    flight.run(5)
+    assert not [text for text in flight.texts if "take over" in text]
+
+
 def test_below_commit_height_the_pilot_is_told_how_far_off_it_lands() -> None:
     flight = flown_to(Phase.FINAL)
     flight.until(lambda f: f.position[2] < 1.3)
