@@ -15,12 +15,12 @@ from slz.kernels.raster.distance_transform import distances2, greatest_clearance
 from slz.kernels.raster.square_erosion import erode_to_side
 from slz.landing_point.helicopter_areas import helicopter_areas
 from slz.landing_point.surroundings import ground_m, horizon_towards
-from slz.terrain.footing import ANY_FOOTING, Footing, judges_headings
+from slz.terrain.footing import ALL_HEADINGS, ANY_FOOTING, Footing, judges_headings
 from slz.terrain.terrain_view import CellView
 from slz.zone import LandingPoint
 from slz.zones.detection import Candidate
 
-OTHERS = 6  # cells tried where the first has no heading
+OTHERS = 6  # cells tried where the first excludes a heading
 # Certainty of ground whose slope and relief are far from their limits, and of less and less sure ground.
 LEAST_CERTAINTIES = 0.99, 0.98, 0.96, 0.92, 0.84
 
@@ -109,9 +109,9 @@ def best_point(
     """Return the point of a zone with the greatest clearance.
 
     Among points whose clearance differs by less than half a cell, the most certain wins, then the least
-    steep, then the nearest to the vehicle. Where the vehicle can land there at no heading, up to `OTHERS`
-    more are tried. Its certainty is that of a point that may be missed by the touchdown error, as of a
-    selected point.
+    steep, then the nearest to the vehicle. Where some headings are excluded there, because something is near,
+    the one of most headings among it and up to `OTHERS` more is taken. Its certainty is that of a point that
+    may be missed by the touchdown error, as of a selected point.
 
     Parameters
     ----------
@@ -122,12 +122,10 @@ def best_point(
     place = grid.west_m, grid.south_m, grid.cell_m
     first = most_certain(among.cells, among.certainty, among.slope_deg, *place, east_m, north_m)
     best, footing = first, _footing_of(among, first, terrain, parameters)
-    if not footing.headings_deg:
-        for other in _others(among, first):
-            found = _footing_of(among, other, terrain, parameters)
-            if found.headings_deg:
-                best, footing = other, found
-                break
+    for other in () if footing.headings_deg == ALL_HEADINGS else _others(among, first):
+        found = _footing_of(among, other, terrain, parameters)
+        if len(found.headings_deg) > len(footing.headings_deg):
+            best, footing = other, found
     row, col = among.cells[best].tolist()
     centre = grid.centre(row, col)
     enu_m = np.array([*centre, ground_m(terrain, Box(row, row + 1, col, col + 1))])

@@ -106,15 +106,18 @@ def test_a_footing_is_computed_again_only_where_its_cells_changed() -> None:
     assert 0 not in terrain.footing_at(place, 0.5).headings_deg
 
 
-def test_where_the_first_point_has_no_heading_others_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A long yard whose greatest clearance is all along its axis; nothing fits west of the middle."""
+@pytest.mark.parametrize("left", [(), (0, 15, 30)])
+def test_where_the_first_point_excludes_headings_one_of_more_is_taken(
+    monkeypatch: pytest.MonkeyPatch, left: tuple[int, ...]
+) -> None:
+    """A long yard whose greatest clearance is all along its axis; little fits west of the middle."""
     own = EvidenceTerrain.footing_at
     asked: list[float] = []
 
     def blocked(terrain: EvidenceTerrain, enu_m: Floats, error_m: float) -> Footing:
         asked.append(float(enu_m[0]))
         west = float(enu_m[0]) < 2.0
-        return Footing((), 0.0, "rotor: 2.0 m high at 1.0 m") if west else own(terrain, enu_m, error_m)
+        return Footing(left, 0.0, "rotor: 2.0 m high at 1.0 m") if west else own(terrain, enu_m, error_m)
 
     monkeypatch.setattr(EvidenceTerrain, "footing_at", blocked)
     heights = np.full((42, 100), 1.5)
