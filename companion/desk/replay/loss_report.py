@@ -29,10 +29,7 @@ def lost_for_time(source: Counts, returns: Counts) -> list[str]:
         `Rerun.returns` as `read`, and the assembler's statistics.
     """
     read, points = returns["read"], source.get("points")
-    clouds, why = (
-        source.get("clouds"),
-        source.get("why_no_point_times") or "they differ from those of the others",
-    )
+    clouds, why = source.get("clouds"), source.get("why_no_point_times")
     found = [
         (returns["without_pose"], f"of {read} returns have no poses around them"),
         (returns["stale"], f"of {read} returns were too far from any pose (pose_timeout_s)"),
@@ -45,7 +42,9 @@ def lost_for_time(source: Counts, returns: Counts) -> list[str]:
         ),
         (
             source.get("clouds_without_point_times", 0),
-            f"of {clouds} clouds have no usable times of points, so they are not de-skewed: {why}",
+            f"of {clouds} clouds have no usable times of points, so they are not de-skewed: {why}"
+            if why
+            else f"of {clouds} clouds are left out: the times of their points are unlike those of the others",
         ),
     ]
     said = [f"{count} {sentence}" for count, sentence in found if count]

@@ -19,13 +19,14 @@ class CloudCounts:
     points_with_false_times: int = 0
     points_of_low_confidence: int = 0
 
-    def add(self, decoded: Decoded, doubtful: int = 0) -> None:
-        """Count a cloud."""
+    def add(self, decoded: Decoded, clock: PointClock | None, doubtful: int = 0) -> bool:
+        """Count a cloud; return whether it is used: one whose times are unlike those of the others is not."""
         self.clouds += 1
         self.clouds_without_point_times += not decoded.timed
         self.points_without_return += decoded.no_return
         self.points_with_false_times += decoded.false_times
         self.points_of_low_confidence += doubtful
+        return decoded.timed or clock is None
 
     def summary(self, clock: PointClock | str) -> dict[str, Any]:
         """Return the counts and the meaning of point times, or the reason they are unused, for JSON."""

@@ -55,8 +55,8 @@ class CloudFolder:
     def _hand(self, rerun: Rerun, stamp_ns: int, later_ns: int, path: Path) -> None:
         clock = self._clock if isinstance(self._clock, PointClock) else None
         decoded = decode(_read(stamp_ns, path).table, stamp_ns, clock)
-        self._counts.add(decoded)
-        rerun.add_returns(replace(decoded.returns, stamp_ns=decoded.returns.stamp_ns + later_ns))
+        if self._counts.add(decoded, clock):
+            rerun.add_returns(replace(decoded.returns, stamp_ns=decoded.returns.stamp_ns + later_ns))
 
 
 def _read(stamp_ns: int, path: Path) -> StampedCloud:

@@ -108,8 +108,8 @@ class RosFeed:
     def _cloud(self, cloud: StampedCloud, rerun: Rerun) -> None:
         clock = self._clock if isinstance(self._clock, PointClock) else None
         decoded = decode(cloud.table, cloud.stamp_ns, clock)
-        self._counts.add(decoded, cloud.doubtful)
-        rerun.add_returns(decoded.returns)
+        if self._counts.add(decoded, clock, cloud.doubtful):
+            rerun.add_returns(decoded.returns)
 
     def _pose(self, message: Any, stamp_ns: int, poses: LocalPoses | GlobalPoses) -> None:
         try:

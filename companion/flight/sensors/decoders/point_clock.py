@@ -35,6 +35,8 @@ STEADY = 0.2  # relative deviation from the period up to which clouds count as r
 LATE_NS = 1e9  # largest difference between the host's stamp and the sensor's times since 1970
 REACH = 1.5  # largest distance from the stamp to the middle of a cloud, in spans or periods
 APART = 2.0  # largest distance from the middle of a cloud to a point, in spans
+# So many points within so small a share of the usual span have times of another unit, or none.
+CROWD, CROWDED = 10, 1 / 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +78,9 @@ class PointClock:
         middle_ns = float(np.median(after_ns[finite]))
         with np.errstate(invalid="ignore"):
             sound = finite & (np.abs(after_ns - middle_ns) <= self.apart_ns)
-        if abs(middle_ns) > self.reach_ns or 2 * np.count_nonzero(sound) < len(values):
+        low_ns, high_ns = np.quantile(after_ns[finite], (0.1, 0.9))
+        crowded = len(values) >= CROWD and high_ns - low_ns < CROWDED * self.apart_ns / APART
+        if crowded or abs(middle_ns) > self.reach_ns or 2 * np.count_nonzero(sound) < len(values):
             return None
         return stamp_ns + np.rint(np.where(sound, after_ns, middle_ns)).astype(np.int64), sound
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pyproj import CRS, Transformer
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
 from companion.desk.replay.own_replay import Replay
@@ -41,6 +41,15 @@ CLOUD_STEP = 20
 STEP_NS = 50_000_000
 SET_NS = 2_020_000_000  # when the recorder's clock is set, since the beginning
 STORE = get_typestore(Stores.ROS2_HUMBLE)
+LIVOX, LIVOX_POINT = "livox_ros_driver2/msg/CustomMsg", "livox_ros_driver2/msg/CustomPoint"
+LIVOX_TEXTS = {
+    LIVOX_POINT: "uint32 offset_time\nfloat32 x\nfloat32 y\nfloat32 z\nuint8 reflectivity\nuint8 tag\n"
+    "uint8 line",
+    LIVOX: "std_msgs/Header header\nuint64 timebase\nuint32 point_num\nuint8 lidar_id\nuint8[3] rsvd\n"
+    "CustomPoint[] points",
+}
+for name, text in LIVOX_TEXTS.items():
+    STORE.register(get_types_from_msg(text, name))
 
 
 def path(t: Floats | float) -> tuple[Floats, Floats]:
@@ -351,6 +360,16 @@ def cloud(points: NDArray[np.float32], after_ns: NDArray[np.int64], at_ns: int, 
     return kind(header, 1, len(points), fields, False, CLOUD_STEP, len(data), data, True)
 
 
+def livox_cloud(points: NDArray[np.float32], after_ns: NDArray[np.int64], at_ns: int) -> Any:
+    """Return Livox's CustomMsg of points that are measured some time after its timebase."""
+    kind, point = _types(LIVOX, LIVOX_POINT)
+    table = [
+        point(after, *place, 50, 0, 0)
+        for after, place in zip(after_ns.tolist(), points.tolist(), strict=True)
+    ]
+    return kind(_header(at_ns, "lidar"), at_ns, len(table), 1, np.zeros(3, np.uint8), table)
+
+
 def pose(kind: str, ms: int) -> Any:
     """Return a message that tells a pose, or a part of one, some milliseconds after the beginning."""
     place, (w, x, y, z) = (value[0] for value in path(ms * 1e-3))
@@ -366,6 +385,9 @@ def pose(kind: str, ms: int) -> Any:
         case "PoseStamped":
             (stamped,) = _types(kind)
             return stamped(header, place_and_turn(point(*map(float, place)), turn))
+        case "PoseWithCovarianceStamped":
+            stamped, with_covariance = _types(kind, "geometry_msgs/msg/PoseWithCovariance")
+            return stamped(header, with_covariance(place_and_turn(point(*map(float, place)), turn), zeros))
         case "Odometry":
             odometry, with_pose, with_twist, twist, vector = _types(
                 kind,

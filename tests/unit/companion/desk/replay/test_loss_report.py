@@ -82,6 +82,11 @@ def test_a_map_with_zones_needs_no_reason(tmp_path: Path) -> None:
             "7 of 9 clouds have no usable times of points, so they are not de-skewed: of that",
         ),
         (
+            {"clouds": 9, "clouds_without_point_times": 7, "why_no_point_times": ""},
+            {},
+            "7 of 9 clouds are left out: the times of their points are unlike those of the others",
+        ),
+        (
             {"times": "seconds since 1970", "times_in_header": "standard GPS time"},
             {},
             "times of points are seconds since 1970, though the header tells standard GPS time",

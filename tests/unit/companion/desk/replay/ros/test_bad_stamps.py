@@ -20,14 +20,16 @@ from companion.flight.sensors.returns import Returns
 from params import load
 from slz import LocalFrame, Scan
 from tests.unit.companion.desk.replay import flights
-from tests.unit.companion.desk.replay.flights import BEGIN_NS, HOME
+from tests.unit.companion.desk.replay.flights import BEGIN_NS, HOME, LIVOX
 
 CLOUD = "sensor_msgs/msg/PointCloud2"
 ODOMETRY, POSE = "nav_msgs/msg/Odometry", "geometry_msgs/msg/PoseStamped"
+ESTIMATE = "geometry_msgs/msg/PoseWithCovarianceStamped"
 FIX, IMU = "sensor_msgs/msg/NavSatFix", "sensor_msgs/msg/Imu"
 SWEEPS, PERIOD_MS, POSE_MS, LATE_NS = 24, 100, 40, 115_000_000
 AFTER_NS = np.linspace(0, 97_000_000, 50).round().astype(np.int64)
 S = 10**9
+MESSAGES = {"first": range(3), "amidst": range(15, 18)}
 
 BAD: dict[str, Callable[[int], int]] = {
     "zero": lambda _: 0,
@@ -40,12 +42,22 @@ BAD: dict[str, Callable[[int], int]] = {
 }
 
 
+BAD_OFFSETS_NS: dict[str, Callable[[int], int]] = {
+    "zero": lambda _: 0,
+    "since the sensor's start": lambda after_ns: after_ns + 3 * S,
+    "in microseconds": lambda after_ns: after_ns // 1000,
+    "before the timebase": lambda after_ns: (after_ns - 2 * S) % 2**32,
+    "the greatest": lambda _: 2**32 - 1,
+}
+
+
 @dataclass
 class Flight:
-    """Takes the place of a `Rerun`, and keeps the scans."""
+    """Takes the place of a `Rerun`, and keeps the returns and scans."""
 
     frame: LocalFrame | None = None
     scans: list[Scan] = field(default_factory=list)
+    batches: list[Returns] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         mount = [f"lidar_{name}=0" for name in ("x_m", "y_m", "z_m", "roll_deg", "pitch_deg", "yaw_deg")]
@@ -55,24 +67,28 @@ class Flight:
 
     def add_returns(self, returns: Returns) -> None:
         if len(returns):
+            self.batches.append(returns)
             self.assembler.add(returns)
 
 
-def messages(poses: str) -> dict[str, tuple[str, list[tuple[int, int, Any]]]]:
+def messages(
+    poses: str, kind: str = CLOUD, sweeps: int = SWEEPS
+) -> dict[str, tuple[str, list[tuple[int, int, Any]]]]:
     """Return topic, type, and times of recording and stamps with what makes the message of a stamp."""
     points = np.full((len(AFTER_NS), 3), [1.0, 2.0, -20.0], np.float32)
-    begins = [BEGIN_NS + k * PERIOD_MS * 10**6 for k in range(SWEEPS)]
-    clouds = [(begin + LATE_NS, begin, flights.cloud(points, AFTER_NS, begin)) for begin in begins]
-    stamps = range(-200, SWEEPS * PERIOD_MS + 200, POSE_MS)
+    begins = [BEGIN_NS + k * PERIOD_MS * 10**6 for k in range(sweeps)]
+    cloud = flights.livox_cloud if kind == LIVOX else flights.cloud
+    clouds = [(begin + LATE_NS, begin, cloud(points, AFTER_NS, begin)) for begin in begins]
+    stamps = range(-200, sweeps * PERIOD_MS + 200, POSE_MS)
     kinds = {"/fix": FIX, "/imu": IMU} if poses == FIX else {"/pose": poses}
     lines = {
         topic: (
-            kind,
-            [(BEGIN_NS + ms * 10**6, BEGIN_NS + ms * 10**6, flights.pose(kind, ms)) for ms in stamps],
+            told,
+            [(BEGIN_NS + ms * 10**6, BEGIN_NS + ms * 10**6, flights.pose(told, ms)) for ms in stamps],
         )
-        for topic, kind in kinds.items()
+        for topic, told in kinds.items()
     }
-    return {"/points": (CLOUD, clouds)} | lines
+    return {"/points": (kind, clouds)} | lines
 
 
 def fly(path: Path, lines: dict[str, tuple[str, list[tuple[int, int, Any]]]]) -> tuple[Flight, RosFeed]:
@@ -106,33 +122,66 @@ def placed(flight: Flight) -> dict[int, np.ndarray]:
 
 
 @cache
-def undisturbed(poses: str) -> dict[int, np.ndarray]:
+def undisturbed(poses: str, clouds: str = CLOUD) -> dict[int, np.ndarray]:
     with TemporaryDirectory() as folder:
-        return placed(fly(Path(folder) / "good", messages(poses))[0])
+        return placed(fly(Path(folder) / "good", messages(poses, clouds))[0])
+
+
+def check_places(flight: Flight, wanted: dict[int, np.ndarray], most_sweeps_lost: int = 8) -> None:
+    """See that points are where they would be in a recording without faults, and how many are missing."""
+    found = placed(flight)
+    assert set(found) <= set(wanted)
+    assert len(found) >= len(wanted) - most_sweeps_lost * len(AFTER_NS)
+    assert max(float(np.linalg.norm(found[at] - wanted[at])) for at in found) < 0.05
 
 
 @pytest.mark.parametrize("stamp", BAD)
 @pytest.mark.parametrize("where", ["first", "amidst"])
 @pytest.mark.parametrize(
-    ("poses", "topic"),
-    [(ODOMETRY, "/points"), (ODOMETRY, "/pose"), (POSE, "/pose"), (FIX, "/fix"), (FIX, "/imu")],
+    ("poses", "clouds", "topic"),
+    [
+        (ODOMETRY, CLOUD, "/points"),
+        (ODOMETRY, CLOUD, "/pose"),
+        (POSE, CLOUD, "/pose"),
+        (ESTIMATE, CLOUD, "/pose"),
+        (FIX, CLOUD, "/fix"),
+        (FIX, CLOUD, "/imu"),
+        (ODOMETRY, LIVOX, "/points"),
+    ],
 )
 def test_bad_stamps_cost_themselves_alone(
-    tmp_path: Path, poses: str, topic: str, where: str, stamp: str
+    tmp_path: Path, poses: str, clouds: str, topic: str, where: str, stamp: str
 ) -> None:
-    wanted = undisturbed(poses)
-    lines = messages(poses)
+    lines = messages(poses, clouds)
     entries = lines[topic][1]
-    bad = range(3) if where == "first" else range(15, 18)
-    for k in bad:
+    for k in MESSAGES[where]:
         entries[k] = entries[k][0], BAD[stamp](entries[k][1]), entries[k][2]
     flight, _ = fly(tmp_path / "bad", lines)
-    found = placed(flight)
-    assert set(found) <= set(wanted)
-    assert len(found) >= len(wanted) - 8 * len(AFTER_NS)
-    worst_m = max(float(np.linalg.norm(found[at] - wanted[at])) for at in found)
-    assert worst_m < 0.05
+    check_places(flight, undisturbed(poses, clouds))
     assert where == "first" or flight.history.epoch == 0
+
+
+@pytest.mark.parametrize("where", ["first", "amidst"])
+@pytest.mark.parametrize("stamp", BAD)
+def test_a_bad_timebase_of_livox_costs_nothing(tmp_path: Path, where: str, stamp: str) -> None:
+    """Offsets count from the header's stamp, which drivers write from the timebase."""
+    lines = messages(ODOMETRY, LIVOX)
+    for k in MESSAGES[where]:
+        _, stamp_ns, message = lines["/points"][1][k]
+        message.timebase = BAD[stamp](stamp_ns) % 2**64
+    check_places(fly(tmp_path / "bad", lines)[0], undisturbed(ODOMETRY, LIVOX), most_sweeps_lost=0)
+
+
+@pytest.mark.parametrize("where", ["first", "amidst"])
+@pytest.mark.parametrize("offset", BAD_OFFSETS_NS)
+def test_bad_offsets_of_livox_cost_themselves_alone(tmp_path: Path, where: str, offset: str) -> None:
+    lines = messages(ODOMETRY, LIVOX)
+    for k in MESSAGES[where]:
+        for point in lines["/points"][1][k][2].points:
+            point.offset_time = BAD_OFFSETS_NS[offset](point.offset_time)
+    flight, _ = fly(tmp_path / "bad", lines)
+    check_places(flight, undisturbed(ODOMETRY, LIVOX))
+    assert len(placed(flight)) == sum(len(scan.stamp_ns) for scan in flight.scans)  # each at its own time
 
 
 def test_a_topic_without_times_has_the_recorder_s_and_says_so(tmp_path: Path) -> None:
