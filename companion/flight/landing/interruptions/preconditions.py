@@ -114,7 +114,8 @@ REPORTED = (Reaction.CALL, Reaction.TELL, Reaction.HOLD)  # now and then, while 
 STICK_US = 80  # beyond the dead zones of both autopilots
 HELD_US = 150  # from the middle of the pulse: beyond the rest position of any calibrated transmitter
 MIDDLE_US = 1500
-STANDS_M = 0.15  # height over the point, at and below which the vehicle stands: nobody can move it any more
+# Height over the point and vertical speed, up to which the vehicle stands: nobody can move it any more.
+STANDS_M, STANDS_MS = 0.15, 0.2
 CLIMBING_MS = 0.5  # climb rate that the change to LAND does not reach
 MOST_DRIFT_M = 0.8  # in ten seconds; a receiver under a clear sky wanders by a tenth of that
 
@@ -173,8 +174,9 @@ class Preconditions:
             broken[Precondition.GPS] = ""
         if s.velocity_enu_ms is not None and Precondition.POSITION not in broken:
             limit_m = off_point_m / 2 if stage is Stage.COMMITTED else off_point_m
-            is_off = aim.away_m > limit_m and aim.height_left_m > STANDS_M
-            broken |= self._motion(s, float(s.velocity_enu_ms[2]), is_off, aim.away_m)
+            up_ms = float(s.velocity_enu_ms[2])
+            stands = aim.height_left_m <= STANDS_M and abs(up_ms) <= STANDS_MS
+            broken |= self._motion(s, up_ms, aim.away_m > limit_m and not stands, aim.away_m)
         lasting = [
             precondition for precondition in Precondition if self._lasts(precondition, broken, s.now_ns)
         ]
