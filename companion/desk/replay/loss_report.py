@@ -150,19 +150,12 @@ def not_mapped(feed: Feed, rerun: Rerun) -> list[str]:
 
 
 def clock_steps(source: Counts) -> list[str]:
-    """Return a sentence for each time that a clock was set: the recorder's, or that of a topic's stamps."""
-    said = []
-    for one in source.get("clock_steps", ()):
-        whose, counted = "the recorder's clock", "times before it are counted on the clock after it"
-        if "topic" in one:
-            whose, counted = (
-                f"the clock of {one['topic']}",
-                "times are counted on that of the poses at the end",
-            )
-        said.append(
-            f"{whose} was set by {one['step_ns'] * 1e-9:+.1f} s at {time_of_day(one['at_ns'])}: {counted}"
-        )
-    return said
+    """Return a sentence for each time that the recorder's clock was set."""
+    return [
+        f"the recorder's clock was set by {one['step_ns'] * 1e-9:+.1f} s at {time_of_day(one['at_ns'])}:"
+        " times before it are counted on the clock after it"
+        for one in source.get("clock_steps", ())
+    ]
 
 
 def absent(source: Counts) -> list[str]:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import struct
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
-from operator import itemgetter
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +16,6 @@ from companion.runtime.errors import UsageError
 METADATA, STORED = "metadata.yaml", (".mcap", ".db3")
 CLOUD = "sensor_msgs/msg/PointCloud2"
 CLOUDS = (CLOUD, *livox_message.MESSAGES)
-LATEST_NS = 4 * 10**18  # 2096
-HEADER_BYTES = 12  # of a message, up to the end of its stamp
-STORED_TIMES = (
-    f"SELECT name, timestamp, substr(data, 1, {HEADER_BYTES}) FROM messages JOIN topics"
-    " ON topics.id = topic_id WHERE name IN (SELECT value FROM json_each(?)) ORDER BY messages.id"
-)
 # Packages of the types that are read, and of their fields.
 PACKAGES = ("sensor_msgs", "nav_msgs", "geometry_msgs", "std_msgs", "builtin_interfaces")
 
@@ -89,20 +80,6 @@ class BagFile:
                     continue
                 yield at_ns, stamp_ns, connection.topic, message
 
-    def times(self, topics: Sequence[str]) -> Iterator[tuple[str, int, int]]:
-        """Yield topic and times of recording and of the header (ns), those of a topic as they were stored.
-
-        None of a bag whose messages are compressed one by one.
-        """
-        with self._opened() as reader:
-            if getattr(reader, "compression_mode", "") == "message":
-                return
-            for topic, at_ns, raw in _as_stored(reader, topics):
-                order = "<" if not self._ros2 or raw[1:2] == b"\1" else ">"
-                if len(raw) >= HEADER_BYTES and at_ns < LATEST_NS:
-                    seconds, nanoseconds = struct.unpack_from(order + ("iI" if self._ros2 else "II"), raw, 4)
-                    yield topic, at_ns, seconds * 1_000_000_000 + nanoseconds
-
     def _message(self, raw: bytes, kind: str) -> Any:
         if kind in livox_message.MESSAGES:
             return livox_message.parse(raw, kind, self._ros2)
@@ -147,24 +124,6 @@ def _later(
     """Yield the messages behind a damaged part, recorded after a time."""
     wanted = [one for one in reader.connections if one.topic in topics]
     return (message for message in reader.messages(wanted) if message[1] > at_ns)
-
-
-def _as_stored(reader: Any, topics: Sequence[str]) -> Iterator[tuple[str, int, bytes]]:
-    """Yield topic, time of recording and first bytes of messages, those of a topic as they were stored.
-
-    The library sorts them by the time of recording. What is damaged ends them, and is told when it is read.
-    """
-    for entries in getattr(reader, "indexes", {}).values():  # of ROS 1
-        entries.sort(key=itemgetter(1, 2))
-    bag = getattr(reader, "storage", reader)
-    for storage in getattr(bag, "storages", [bag]):
-        with suppress(Exception):  # raised by SQLite, MCAP, LZ4 or Zstandard
-            if getattr(storage, "dbconn", None) is not None:
-                yield from storage.dbconn.cursor().execute(STORED_TIMES, [json.dumps(topics)])
-                continue
-            read = getattr(storage, "messages_scan", storage.messages)  # of MCAP
-            for one, at_ns, raw in read([c for c in storage.connections if c.topic in topics]):
-                yield one.topic, at_ns, raw
 
 
 def _only_file(path: Path) -> Path:

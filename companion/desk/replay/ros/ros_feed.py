@@ -13,7 +13,6 @@ from companion.desk.replay.clouds.cloud_counts import CloudCounts
 from companion.desk.replay.foreign_replay import Act, Rerun
 from companion.desk.replay.ros.bag_file import CLOUDS, BagFile
 from companion.desk.replay.ros.ros_pose import GlobalPoses, LocalPoses
-from companion.desk.replay.ros.topic_clocks import TopicClocks
 from companion.flight.sensors.decoders.point_clock import PointClock
 from companion.flight.sensors.decoders.point_cloud import LOOKED_AT, StampedCloud, clock_of, decode
 from companion.runtime.errors import UsageError
@@ -64,7 +63,6 @@ class RosFeed:
         self._unstamped = [topic for topic in (self._points, *self._poses) if not self._has_stamps(topic)]
         self._without_stamp = 0
         self.body_points = self._compare_frames()
-        self._clocks = TopicClocks(self._times(), self._poses)
         self._clock = clock_of(message for *_, message in self._messages((self._points,)))
 
     @property
@@ -78,18 +76,16 @@ class RosFeed:
     def summary(self) -> dict[str, Any]:
         stamps = {"stamped_by_recorder": self._unstamped, "messages_without_stamp": self._without_stamp}
         topics = {"points": self._points, "poses": list(self._poses)}
-        stamps |= {"clock_steps": self._clocks.steps}
         return topics | stamps | self._counts.summary(self._clock)
 
     def steps(self, rerun: Rerun) -> Iterator[tuple[int, Act]]:
         poses = (LocalPoses if self.is_local else GlobalPoses)(rerun.history)
         self._bad, at_ns, self._counts = 0, 0, CloudCounts()
         for at_ns, stamp_ns, topic, message in self._messages((self._points, *self._poses)):
-            later_ns = self._clocks.shift_ns(topic, at_ns)
             if topic == self._points:
-                yield at_ns, partial(self._cloud, message, later_ns, rerun)
+                yield at_ns, partial(self._cloud, message, rerun)
             else:
-                yield at_ns, partial(self._pose, message, stamp_ns + later_ns, poses)
+                yield at_ns, partial(self._pose, message, stamp_ns, poses)
         self._bad += poses.refused
         yield at_ns, poses.finish
 
@@ -109,18 +105,11 @@ class RosFeed:
                 message = replace(message, stamp_ns=stamp_ns)
             yield at_ns, stamp_ns, topic, message
 
-    def _times(self) -> Iterator[tuple[str, int, int]]:
-        """Yield topic, time of recording and stamp of the messages that have one."""
-        for topic, at_ns, stamp_ns in self._bag.times((self._points, *self._poses)):
-            if stamp_ns or topic in self._unstamped:
-                yield topic, at_ns, stamp_ns or at_ns
-
-    def _cloud(self, cloud: StampedCloud, later_ns: int, rerun: Rerun) -> None:
+    def _cloud(self, cloud: StampedCloud, rerun: Rerun) -> None:
         clock = self._clock if isinstance(self._clock, PointClock) else None
         decoded = decode(cloud.table, cloud.stamp_ns, clock)
         if self._counts.add(decoded, clock, cloud.doubtful):
-            stamp_ns = decoded.returns.stamp_ns + later_ns
-            rerun.add_returns(replace(decoded.returns, stamp_ns=stamp_ns))
+            rerun.add_returns(decoded.returns)
 
     def _pose(self, message: Any, stamp_ns: int, poses: LocalPoses | GlobalPoses) -> None:
         try:

@@ -92,16 +92,6 @@ def test_a_map_with_zones_needs_no_reason(tmp_path: Path) -> None:
             "times of points are seconds since 1970, though the header tells standard GPS time",
         ),
         ({"packets": {"clock_resets": 2}}, {}, "the LiDAR's clock jumped 2 times"),
-        (
-            {
-                "clock_steps": [
-                    {"topic": "/points", "at_ns": 1_750_000_000 * 10**9, "step_ns": -2_500_000_000}
-                ]
-            },
-            {},
-            "the clock of /points was set by -2.5 s at 2025-06-15 15:06:40: times are counted on that of the"
-            " poses at the end",
-        ),
         ({"packets": {"clock_resets": 0}, "times": "one", "times_in_header": "one"}, {}, None),
     ],
 )
