@@ -89,7 +89,7 @@ def corridors(
     ----------
     near, far
         Maps of the ground and what stands on it, or the same twice. Up to `NEAR_M` from the point the far map
-        counts only where the near one does not know all the ground: a gap in safe ground counts as known.
+        counts only where the near one does not know all the ground, over a gap in safe ground what is high.
     air
         Air that rays passed; None where no ray is known, as in a survey of files: then nothing is clear.
     wires_enu_m
@@ -114,7 +114,7 @@ def corridors(
         safe, place = terrain.state(box) == SAFE, (float(enu_m[0]), float(enu_m[1]), floor_m)
         if known is not None:
             forget_known(top, *lattice, known[0], *known[1], floor_m)
-        known = np.where(safe & np.isnan(ground), np.float32(0), ground), lattice  # its gap counts as seen
+        known = np.where(safe & np.isnan(ground), np.float32(np.inf), ground), lattice
         if wires_enu_m is not None:
             _raise_to(wires_enu_m, top, *lattice)
         shape = radius_m, SPREAD, to_m, float(slopes[0])

@@ -12,6 +12,7 @@ from slz.kernels.argument_types import Array1D, Array2D, Strided2D
 from slz.kernels.jit import kernel
 
 ROUNDING = 1e-6  # of a near cell, by which sides that coincide may differ
+LIFTED_M = 1.0  # by which errors lift returns from far away at most
 
 
 @kernel
@@ -96,7 +97,8 @@ def forget_known(
     Parameters
     ----------
     top, near_ground
-        (rows, cols) heights of a box of each map (NaN unknown); the former is changed.
+        (rows, cols) heights of a box of each map (NaN unknown, infinite in a gap that counts as seen: tops
+        over it are forgotten up to `LIFTED_M` over the floor); the former is changed.
     south, west, cell, near_south, near_west, near_cell
         Corners of the boxes and sides of the cells (m).
     """
@@ -110,10 +112,11 @@ def forget_known(
                 continue
             col0 = int(np.floor((west + c * cell - near_west) / near_cell + ROUNDING))
             col1 = int(np.ceil((west + (c + 1) * cell - near_west) / near_cell - ROUNDING))
-            known = col0 >= 0 and col1 <= near_ground.shape[1]
+            known, gap = col0 >= 0 and col1 <= near_ground.shape[1], False
             if known:
                 for i in range(row0, row1):
                     for j in range(col0, col1):
                         known &= not np.isnan(near_ground[i, j])
-            if known:
+                        gap |= np.isinf(near_ground[i, j])
+            if known and not (gap and top[r, c] > floor + LIFTED_M):
                 top[r, c] = np.nan

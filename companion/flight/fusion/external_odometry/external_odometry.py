@@ -339,6 +339,7 @@ class ExternalOdometry:
             pivot_m,
             state[SHIFT] + state[RATE] * lead_s,
             state[RATE] if known else np.zeros(3),
+            self._history.correction.slide_up_ms,
         )
 
     def _estimate(self, pair: PosePair, frame: AlignedFrame) -> None:

@@ -175,7 +175,7 @@ class Preconditions:
         if s.velocity_enu_ms is not None and Precondition.POSITION not in broken:
             limit_m = off_point_m / 2 if stage is Stage.COMMITTED else off_point_m
             up_ms = float(s.velocity_enu_ms[2])
-            stands = aim.height_left_m <= STANDS_M and abs(up_ms) <= STANDS_MS
+            stands = abs(aim.height_left_m) <= STANDS_M and abs(up_ms) <= STANDS_MS
             broken |= self._motion(s, up_ms, aim.away_m > limit_m and not stands, aim.away_m)
         lasting = [
             precondition for precondition in Precondition if self._lasts(precondition, broken, s.now_ns)

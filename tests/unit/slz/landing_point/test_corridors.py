@@ -101,11 +101,14 @@ def test_a_wall_blocks_the_slopes_that_do_not_pass_over_it() -> None:
     assert found.overhead == SAFE
 
 
-def test_what_the_far_map_alone_holds_is_no_obstacle_over_a_gap_in_safe_ground() -> None:
+@pytest.mark.parametrize(("height_m", "found"), [(0.8, UNKNOWN), (5.0, UNSAFE)])
+def test_what_the_far_map_alone_holds_over_a_gap_in_safe_ground_is_an_obstacle_if_it_is_high(
+    height_m: float, found: int
+) -> None:
     """An error of the attitude lifts returns from far away. A gap that counts as seen to land on, is seen."""
     parameters, rng = params.load("quadcopter"), np.random.default_rng(1)
     ground = np.column_stack([rng.uniform(-12, 12, (60_000, 2)), rng.normal(0, 0.01, 60_000)])
-    lifted = np.array([[2.1, 0.1, 0.8]] * 30)
+    lifted = np.array([[2.1, 0.1, height_m]] * 30)
     with_gap = ground[(np.abs(ground[:, :2] - (2.1, 0.1)) > 0.1).any(axis=1)]
     terrains = []
     for cell_m, points in ((0.2, with_gap), (1.0, np.concatenate([ground, lifted]))):
@@ -114,7 +117,7 @@ def test_what_the_far_map_alone_holds_is_no_obstacle_over_a_gap_in_safe_ground()
         terrains[-1].add(points, np.array([0.0, 0.0, 15.0]), 1.0)
     near, far = terrains
     point = np.array([0.1, 0.1, 0.0])
-    assert corridors(point, near, far, None, parameters).overhead == UNKNOWN
+    assert corridors(point, near, far, None, parameters).overhead == found
     assert corridors(point, far, far, None, parameters).overhead == UNSAFE
 
 

@@ -97,6 +97,17 @@ def test_an_estimate_that_wanders_where_the_vehicle_stands_calls_nobody() -> Non
     assert not [text for text in flight.texts if "take over" in text]
 
 
+def test_lower_than_the_point_it_does_not_stand_on_it() -> None:
+    """It slides off a roof, or its estimate is too low."""
+    flight = flown_to(Phase.FINAL)
+    flight.until(lambda f: f.position[2] < 0.1)
+    flight.position[2] = 0.06
+    flight.estimate_is_off_m = np.array([0.7, 0.0, -0.5])
+    flight.sinks = False
+    flight.run(5)
+    assert [text for text in flight.texts if "off the point: take over" in text]
+
+
 def test_below_commit_height_the_pilot_is_told_how_far_off_it_lands() -> None:
     flight = flown_to(Phase.FINAL)
     flight.until(lambda f: f.position[2] < 1.3)
