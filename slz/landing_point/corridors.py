@@ -88,8 +88,9 @@ def corridors(
     Parameters
     ----------
     near, far
-        Maps of the ground and what stands on it, or the same twice. Up to `NEAR_M` from the point the far map
-        counts only where the near one does not know all the ground, over a gap in safe ground what is high.
+        Maps of the ground and what stands on it, or the same twice. Up to `NEAR_M` from the point a top of
+        the far map counts only where the near map does not know all the ground below it; where all that it
+        misses is a gap in safe ground, only a top that errors of far returns do not explain.
     air
         Air that rays passed; None where no ray is known, as in a survey of files: then nothing is clear.
     wires_enu_m

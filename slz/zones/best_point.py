@@ -126,6 +126,8 @@ def best_point(
         found = _footing_of(among, other, terrain, parameters)
         if len(found.headings_deg) > len(footing.headings_deg):
             best, footing = other, found
+        if footing.headings_deg == ALL_HEADINGS:
+            break
     row, col = among.cells[best].tolist()
     centre = grid.centre(row, col)
     enu_m = np.array([*centre, ground_m(terrain, Box(row, row + 1, col, col + 1))])
