@@ -48,6 +48,12 @@ def test_a_gps_that_drifts_moves_nothing_on_the_map(child: ChildFrame) -> None:
     assert flown.odometry.why_not(flown.now_ns) == ""
 
 
+def test_the_height_datum_keeps_its_slide_within_a_scan() -> None:
+    flown = Odometer().run(BEGIN_S)
+    flown.history.correction = replace(flown.history.correction, slide_up_ms=1.0)
+    assert flown.run(0.5).history.correction.slide_up_ms == 1.0
+
+
 def test_without_gps_the_autopilot_may_go_off_faster() -> None:
     def ever_faster(t: float) -> Floats:
         return np.asarray(0.5 * 0.034 * EAST * max(0.0, t - BEGIN_S) ** 2)

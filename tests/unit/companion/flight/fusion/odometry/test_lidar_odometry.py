@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -42,6 +44,12 @@ def test_between_walls_a_drift_of_the_autopilot_moves_nothing_on_the_map() -> No
     assert np.abs(odometer.offsets[-1] - odometer.offsets[20]).max() < 0.05
     assert estimate_of(odometer).is_healthy
     assert odometer.odometry.is_tracking(odometer.now_ns)
+
+
+def test_the_height_datum_keeps_its_slide_within_a_scan() -> None:
+    odometer = Odometer(plain).run(2)
+    odometer.history.correction = replace(odometer.history.correction, slide_up_ms=1.0)
+    assert odometer.run(0.5).history.correction.slide_up_ms == 1.0
 
 
 def test_over_level_ground_height_is_corrected_and_the_place_stays_the_autopilots() -> None:
