@@ -37,6 +37,10 @@ def lost_for_time(source: Counts, returns: Counts) -> list[str]:
         (source.get("before_position", 0), f"of {points} points were measured before the first position"),
         (source.get("messages_without_stamp", 0), "messages were dropped: they have no time, as others have"),
         (
+            source.get("messages_with_false_stamp", 0),
+            "messages were dropped: their stamps contradict those before and after",
+        ),
+        (
             source.get("points_with_false_times", 0),
             "points were dropped: their times are far from those of their clouds",
         ),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,7 @@ from companion.runtime.errors import UsageError
 METADATA, STORED = "metadata.yaml", (".mcap", ".db3")
 CLOUD = "sensor_msgs/msg/PointCloud2"
 CLOUDS = (CLOUD, *livox_message.MESSAGES)
+STAMP_ENDS = 12  # bytes of a message up to the end of its header's stamp
 # Packages of the types that are read, and of their fields.
 PACKAGES = ("sensor_msgs", "nav_msgs", "geometry_msgs", "std_msgs", "builtin_interfaces")
 
@@ -55,7 +57,27 @@ class BagFile:
 
         A header's time of 0 is none. A cloud of any type is a `StampedCloud`.
         """
-        self.bad, self.cut = 0, ""
+        self.bad = 0
+        for connection, at_ns, raw in self._raws(topics):
+            try:
+                message = self._message(raw, connection.msgtype)
+                stamp_ns = _stamp_ns(message)
+            except Exception:  # the generated code may raise anything
+                self.bad += 1
+                continue
+            yield at_ns, stamp_ns, connection.topic, message
+
+    def times(self, topics: Sequence[str]) -> Iterator[tuple[int, int, str]]:
+        """Yield times of recording and of the header (ns), and topic, of messages not read further."""
+        for connection, at_ns, raw in self._raws(topics):
+            if len(raw) >= STAMP_ENDS:
+                order = "<" if not self._ros2 or raw[1] & 1 else ">"
+                seconds, nanoseconds = struct.unpack_from(order + ("iI" if self._ros2 else "II"), raw, 4)
+                yield at_ns, seconds * 1_000_000_000 + nanoseconds, connection.topic
+
+    def _raws(self, topics: Sequence[str]) -> Iterator[tuple[Any, int, bytes]]:
+        """Yield connection, time of recording and bytes of the messages that can be reached."""
+        self.cut = ""
         with self._opened() as reader:
             wanted = [c for c in reader.connections if c.topic in topics]
             raws = reader.messages(connections=wanted) if wanted else iter(())
@@ -72,13 +94,7 @@ class BagFile:
                     reader = self._stream(error)
                     raws = _later(reader, topics, at_ns)
                     continue
-                try:
-                    message = self._message(raw, connection.msgtype)
-                    stamp_ns = _stamp_ns(message)
-                except Exception:  # the generated code may raise anything
-                    self.bad += 1
-                    continue
-                yield at_ns, stamp_ns, connection.topic, message
+                yield connection, at_ns, raw
 
     def _message(self, raw: bytes, kind: str) -> Any:
         if kind in livox_message.MESSAGES:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import islice
@@ -13,6 +13,7 @@ from companion.desk.replay.clouds.cloud_counts import CloudCounts
 from companion.desk.replay.foreign_replay import Act, Rerun
 from companion.desk.replay.ros.bag_file import CLOUDS, BagFile
 from companion.desk.replay.ros.ros_pose import GlobalPoses, LocalPoses
+from companion.desk.replay.ros.topic_clocks import false_stamps
 from companion.flight.sensors.decoders.point_clock import PointClock
 from companion.flight.sensors.decoders.point_cloud import LOOKED_AT, StampedCloud, clock_of, decode
 from companion.runtime.errors import UsageError
@@ -61,8 +62,9 @@ class RosFeed:
         self._poses = _pose_topics(path, types, poses)
         self.is_local = types[self._poses[0]] in LOCAL
         self._unstamped = [topic for topic in (self._points, *self._poses) if not self._has_stamps(topic)]
-        self._without_stamp = 0
+        self._without_stamp = self._false_stamps = 0
         self.body_points = self._compare_frames()
+        self._contradicting = false_stamps(path, self._times())
         self._clock = clock_of(message for *_, message in self._messages((self._points,)))
 
     @property
@@ -75,6 +77,7 @@ class RosFeed:
 
     def summary(self) -> dict[str, Any]:
         stamps = {"stamped_by_recorder": self._unstamped, "messages_without_stamp": self._without_stamp}
+        stamps["messages_with_false_stamp"] = self._false_stamps
         topics = {"points": self._points, "poses": list(self._poses)}
         return topics | stamps | self._counts.summary(self._clock)
 
@@ -95,15 +98,30 @@ class RosFeed:
 
     def _messages(self, topics: Sequence[str]) -> Iterator[tuple[int, int, str, Any]]:
         """Yield the messages of the bag that have a time: the recorder's where a topic has no other."""
-        self._without_stamp = 0
+        self._without_stamp = self._false_stamps = 0
         for at_ns, told_ns, topic, message in self._bag.messages(topics):
-            if not told_ns and topic not in self._unstamped:
+            stamp_ns = self._stamp_ns(topic, at_ns, told_ns)
+            if not stamp_ns:
                 self._without_stamp += 1
                 continue
-            stamp_ns = told_ns or at_ns
+            if (at_ns, stamp_ns) in self._contradicting[topic]:
+                self._false_stamps += 1
+                continue
             if isinstance(message, StampedCloud):
                 message = replace(message, stamp_ns=stamp_ns)
             yield at_ns, stamp_ns, topic, message
+
+    def _stamp_ns(self, topic: str, at_ns: int, told_ns: int) -> int:
+        return told_ns or (at_ns if topic in self._unstamped else 0)
+
+    def _times(self) -> Mapping[str, Sequence[tuple[int, int]]]:
+        """Return times of recording and stamps of each topic's messages that have one."""
+        found: dict[str, list[tuple[int, int]]] = {topic: [] for topic in (self._points, *self._poses)}
+        for at_ns, told_ns, topic in self._bag.times(tuple(found)):
+            stamp_ns = self._stamp_ns(topic, at_ns, told_ns)
+            if stamp_ns:
+                found[topic].append((at_ns, stamp_ns))
+        return found
 
     def _cloud(self, cloud: StampedCloud, rerun: Rerun) -> None:
         clock = self._clock if isinstance(self._clock, PointClock) else None

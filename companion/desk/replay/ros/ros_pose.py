@@ -17,9 +17,7 @@ Wxyz = tuple[float, float, float, float]
 HALF = math.sqrt(0.5)
 NO_FIX, NO_ORIENTATION = -1, -1.0
 ZERO = (0.0, 0.0, 0.0)
-# A stamp that goes back, or so far ahead, contradicts those before; so many in succession are another clock.
-AHEAD_NS = 10_000_000_000
-BELIEVED = 5
+PAUSE_NS = 10_000_000_000
 
 
 def ned_from_frd(x: float, y: float, z: float, w: float) -> Wxyz:
@@ -29,28 +27,6 @@ def ned_from_frd(x: float, y: float, z: float, w: float) -> Wxyz:
     return _product((a, b, c, d), (0.0, 1.0, 0.0, 0.0))
 
 
-class _StampOrder:
-    """Judge of the stamps of one topic: one that contradicts the others is dropped."""
-
-    def __init__(self) -> None:
-        self._newest_ns: int | None = None
-        self._other_ns: int | None = None
-        self._others = 0
-
-    def is_next(self, stamp_ns: int) -> bool:
-        """Return whether a stamp continues those before."""
-        if self._newest_ns is None or 0 < stamp_ns - self._newest_ns <= AHEAD_NS:
-            self._newest_ns, self._others = stamp_ns, 0
-            return True
-        goes_on = self._other_ns is not None and 0 < stamp_ns - self._other_ns <= AHEAD_NS
-        self._others = self._others + 1 if goes_on and self._others else 1
-        self._other_ns = stamp_ns
-        if self._others < BELIEVED:
-            return False
-        self._newest_ns, self._others = stamp_ns, 0
-        return True
-
-
 class LocalPoses:
     """Adapter of local-frame poses (PoseStamped, Odometry) to a history whose map frame has their origin."""
 
@@ -58,7 +34,6 @@ class LocalPoses:
         self._history = history
         self._frame = history.frame  # kept, since the map's frame may change later
         self._velocity = _Velocity(self._placed)
-        self._order = _StampOrder()
         self.refused = 0
 
     def add_message(self, message: Any, stamp_ns: int) -> None:
@@ -66,8 +41,7 @@ class LocalPoses:
         pose = message.pose.pose if hasattr(message.pose, "pose") else message.pose
         place = pose.position.x, pose.position.y, pose.position.z
         q = pose.orientation
-        sound = _sound(*place) and _sound(q.x, q.y, q.z, q.w)
-        if not sound or not self._order.is_next(stamp_ns):
+        if not (_sound(*place) and _sound(q.x, q.y, q.z, q.w)):
             self.refused += 1
             return
         self._velocity.add(stamp_ns, place, place)
@@ -92,7 +66,6 @@ class GlobalPoses:
         self._history = history
         self._velocity = _Velocity(self._placed)
         self._scale: Place | None = None
-        self._fixes, self._attitudes = _StampOrder(), _StampOrder()
         self.refused = 0
 
     def add_message(self, message: Any, stamp_ns: int) -> None:
@@ -101,8 +74,7 @@ class GlobalPoses:
             self._fix(message, stamp_ns)
             return
         q = message.orientation
-        unknown = message.orientation_covariance[0] == NO_ORIENTATION or not _sound(q.x, q.y, q.z, q.w)
-        if unknown or not self._attitudes.is_next(stamp_ns):
+        if message.orientation_covariance[0] == NO_ORIENTATION or not _sound(q.x, q.y, q.z, q.w):
             self.refused += 1
             return
         self._history.add_attitude(stamp_ns, ned_from_frd(q.x, q.y, q.z, q.w), ZERO)
@@ -113,8 +85,7 @@ class GlobalPoses:
 
     def _fix(self, message: Any, stamp_ns: int) -> None:
         lla = message.latitude, message.longitude, message.altitude
-        unknown = message.status.status == NO_FIX or not _sound(*lla) or abs(lla[0]) > 90 or abs(lla[1]) > 180
-        if unknown or not self._fixes.is_next(stamp_ns):
+        if message.status.status == NO_FIX or not _sound(*lla) or abs(lla[0]) > 90 or abs(lla[1]) > 180:
             self.refused += 1
             return
         if self._scale is None:  # metres per degree, exact enough for velocities
@@ -137,8 +108,10 @@ class _Velocity:
 
     def add(self, stamp_ns: int, place: Place, metres: Place) -> None:
         """Add a position, in the units of the callback and in metres east, north, up."""
-        if self._last is not None and not 0 < stamp_ns - self._last[0] <= AHEAD_NS:
-            self.finish()  # another clock, or a pause
+        if self._last is not None and stamp_ns <= self._last[0]:
+            return
+        if self._last is not None and stamp_ns - self._last[0] > PAUSE_NS:
+            self.finish()
             self._before = None
         if self._last is not None:
             last_ns, last_place, last_metres = self._last

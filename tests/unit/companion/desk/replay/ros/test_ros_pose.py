@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from types import SimpleNamespace
 from typing import cast
 
 import numpy as np
@@ -12,7 +11,6 @@ import pytest
 from companion.desk.replay.ros.ros_pose import NO_FIX, NO_ORIENTATION, GlobalPoses, LocalPoses
 from companion.flight.fusion.pose_history import PoseHistory
 from params import Parameters
-from slz import LocalFrame
 from tests.unit.companion.desk.replay.flights import HOME, pose
 
 MS = 1_000_000
@@ -144,19 +142,3 @@ def test_metres_from_an_origin_that_nobody_named_are_an_error() -> None:
     poses.add_message(pose(POSE, 0), 0)
     with pytest.raises(RuntimeError, match="need an origin"):
         poses.add_message(pose(POSE, 100), 100 * MS)
-
-
-@pytest.mark.parametrize("bad_s", [0, 12, 4_000_000_000])
-def test_a_bad_stamp_amidst_begins_no_new_map_and_ends_no_poses(bad_s: int) -> None:
-    history = PoseHistory(Parameters(), LocalFrame(47.0, 8.0, 400.0))
-    poses, begin_ns = LocalPoses(history), 1_750_000_000 * 10**9
-    for k in range(100):
-        place = SimpleNamespace(x=0.1 * k, y=0.0, z=5.0)
-        turn = SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
-        stamp_ns = bad_s * 10**9 + k if 40 <= k < 43 else begin_ns + k * 40_000_000
-        message = SimpleNamespace(pose=SimpleNamespace(position=place, orientation=turn))
-        poses.add_message(message, stamp_ns)
-    poses.finish()
-    assert history.epoch == 0
-    assert history.bracketed_until_ns == begin_ns + 99 * 40_000_000
-    assert poses.refused == 3
