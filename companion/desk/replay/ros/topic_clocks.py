@@ -6,7 +6,6 @@ clock that is set changes the lags of its topics from one message to the next, a
 
 from __future__ import annotations
 
-from bisect import bisect_right
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
@@ -21,10 +20,9 @@ from companion.runtime.errors import UsageError
 Times = NDArray[np.int64]
 Told = tuple[int, int]
 BELIEVED = 5  # so many messages in succession are another clock, and no bad stamps
-COMPARED = 50  # messages on either side of a step, of which the least late tells its size
-UNSURE = 10  # error of the least delay of n messages: so many n-th parts of its distance to their median
 STEP_NS = 100_000_000  # smallest step that is found; NTP slews a clock that errs by less than 128 ms
-LATEST_NS = 10_000_000_000  # a message may come some seconds late
+LATE_NS = 1_000_000_000  # messages that overtake each other, or are of several sensors, come less late
+COMPARED_NS = 60_000_000_000  # before and after a step: longer than the recorder stalls
 APART_NS = 1_000_000_000  # topics of one clock step within this time: their messages have other delays
 
 
@@ -58,23 +56,17 @@ def false_stamps(path: Path, times: Mapping[str, Sequence[Told]]) -> dict[str, s
     """
     found: dict[str, set[Told]] = {}
     steps: dict[str, list[_Step]] = {}
-    told = {topic: np.array(pairs, np.int64).reshape(-1, 2).T for topic, pairs in times.items()}
-    every = np.sort(np.concatenate([at for at, _ in told.values()]))
-    mixed = np.logical_and.reduce([_twice_as_many(at, stamp, every) for at, stamp in told.values()])
-    if mixed.any():
-        what = "messages of before and after have the same times"
-        raise _refusal(path, what, int(every[np.argmax(mixed)]))
-    for topic, (at, stamp) in told.items():
-        found[topic] = set()
-        if len(at) < BELIEVED:
-            continue
-        kept = _rising(stamp)
-        gone = np.flatnonzero(~kept)
-        for run in np.split(gone, np.flatnonzero(np.diff(gone) > 1) + 1):
-            if _rising(stamp[run]).sum() >= BELIEVED:
+    for topic, pairs in times.items():
+        at, stamp = np.array(pairs, np.int64).reshape(-1, 2).T
+        kept = ~_few_ahead(at, stamp)
+        for run in _runs(
+            stamp < np.maximum.accumulate(np.where(kept, stamp, stamp.min(initial=0))) - LATE_NS
+        ):
+            if len(run) >= BELIEVED and (np.diff(stamp[run]) > 0).all():
                 raise _refusal(path, f"stamps on {topic} go back", int(at[run[0]]))
-        steps[topic] = _steps(at, stamp, kept, every)
-        found[topic] = {times[topic][k] for k in np.flatnonzero(~kept).tolist()}
+            kept[run] = False
+        found[topic] = {pairs[k] for k in np.flatnonzero(~kept).tolist()}
+        steps[topic] = _steps(at[kept], stamp[kept])
     for topic, other in permutations(steps, 2):
         for step in steps[topic]:
             if not any(step.is_of(one) for one in steps[other]):
@@ -88,75 +80,38 @@ def _refusal(path: Path, what: str, at_ns: int) -> UsageError:
     return UsageError(f"{path}: {what} at {time_of_day(at_ns)}: a clock was set in flight; cut the bag there")
 
 
-def _rising(stamp: Times) -> NDArray[np.bool_]:
-    """Return which stamps are the most that never go back."""
-    if (np.diff(stamp) >= 0).all():
-        return np.ones(len(stamp), bool)
-    lasts: list[int] = []  # least last stamp of so many that rise
-    ends: list[int] = []  # its index
-    before: list[int] = []
-    for k, stamp_ns in enumerate(stamp.tolist()):
-        length = bisect_right(lasts, stamp_ns)
-        lasts[length : length + 1] = [stamp_ns]
-        ends[length : length + 1] = [k]
-        before.append(ends[length - 1] if length else -1)
-    kept, k = np.zeros(len(stamp), bool), ends[-1]
-    while k >= 0:
-        kept[k] = True
-        k = before[k]
-    return kept
-
-
-def _twice_as_many(at: Times, stamp: Times, every: Times) -> NDArray[np.bool_]:
-    """Return at which of all times a topic's stamps are twice as many as usual, of two times in one."""
-    if len(at) < 2 * BELIEVED:
-        return np.zeros(len(every), bool)
-    pairs = stamp[2:] - stamp[:-2] <= 1.1 * np.median(np.diff(stamp))
-    dense = np.convolve(np.convolve(pairs, np.ones(BELIEVED), "valid") == BELIEVED, np.ones(BELIEVED)) > 0
-    return dense[np.clip(np.searchsorted(at, every) - 1, 0, len(dense) - 1)]
-
-
-def _steps(at: Times, stamp: Times, kept: NDArray[np.bool_], every: Times) -> list[_Step]:
-    """Return the steps of a topic's clock among the messages kept; keep no few messages of another clock.
-
-    A queue changes the lag, too, but its stamps go on as before, and messages of other topics come meanwhile.
-    """
-    lag = at - stamp
-    for part in (some for some in _parts(at, stamp, kept, every) if len(some) < BELIEVED):
-        rows = np.flatnonzero(kept)
-        begin, end = np.searchsorted(rows, [part[0], part[-1] + 1])
-        around = lag[np.concatenate([rows[max(0, begin - COMPARED) : begin], rows[end : end + COMPARED]])]
-        if len(around):
-            most_late_ns = LATEST_NS if begin and end < len(rows) else STEP_NS
-            late = lag[part] - around.min()
-            kept[part] = (late >= -STEP_NS) & (late <= most_late_ns)
-    rows = np.flatnonzero(kept)
-    found, begin = [], 0
-    for part in _parts(at, stamp, kept, every)[1:]:
-        k = int(np.searchsorted(rows, part[0]))
-        before, after = lag[rows[max(begin, k - COMPARED) : k]], lag[rows[k : k + COMPARED]]
-        change_ns = int(after.min() - before.min())
-        spread_ns = max(np.median(some) - some.min() for some in (before, after))
-        if abs(change_ns) > STEP_NS + UNSURE * spread_ns / min(len(before), len(after)):
-            found.append(_Step(int(at[rows[k - 1]]), int(at[rows[k]]), change_ns))
-            begin = k
+def _few_ahead(at: Times, stamp: Times) -> NDArray[np.bool_]:
+    """Return which messages are a few far ahead of some after, or of another time at the beginning."""
+    found = np.zeros(len(stamp), bool)
+    for run in _runs(stamp > np.minimum.accumulate(stamp[::-1])[::-1] + LATE_NS):
+        found[run] = len(run) < BELIEVED
+    leaps = np.flatnonzero(np.abs(np.diff(at - stamp)[: BELIEVED - 1]) > 10 * LATE_NS)
+    found[: leaps.max(initial=-1) + 1] = True
     return found
 
 
-def _parts(at: Times, stamp: Times, kept: NDArray[np.bool_], every: Times) -> list[Times]:
-    """Return the indices of the messages kept, split where a clock may have been set: where lags change.
+def _runs(where: NDArray[np.bool_]) -> list[Times]:
+    """Return the indices at which something holds, in runs without gaps."""
+    found = np.flatnonzero(where)
+    return [run for run in np.split(found, np.flatnonzero(np.diff(found) > 1) + 1) if len(run)]
 
-    But not where stamps go on as usual and messages of other topics come meanwhile: that is a queue.
+
+def _steps(at: Times, stamp: Times) -> list[_Step]:
+    """Return the steps of a topic's clock, where its lag changes from one message to the next and for good.
+
+    By more than it varies otherwise: messages that come when they are ready, or with stamps of whole seconds,
+    tell no small step.
     """
-    rows = np.flatnonzero(kept)
-    gaps, changes = np.diff(stamp[rows]), np.abs(np.diff((at - stamp)[rows]))
-    usual = np.abs(gaps - np.median(gaps)) <= min(STEP_NS, np.median(gaps) / 2) if len(gaps) else gaps < 0
-    ends = np.flatnonzero(changes > STEP_NS)
-    silence = np.diff(every)
-    queued = [
-        usual[k]
-        and rows[k + 1] - rows[k] == 1
-        and silence[slice(*np.searchsorted(every, at[rows[k : k + 2]]))].max(initial=0) < changes[k] - STEP_NS
-        for k in ends
-    ]
-    return np.split(rows, ends[~np.array(queued, bool)] + 1)
+    lag = at - stamp
+    found, begin = [], 0
+    for k in (np.flatnonzero(np.abs(np.diff(lag)) > STEP_NS) + 1).tolist():
+        first, last = np.searchsorted(at, [at[k - 1] - COMPARED_NS, at[k] + COMPARED_NS])
+        parts = lag[max(begin, first) : k], lag[k:last]
+        if min(len(part) for part in parts) < 2 * BELIEVED:
+            continue
+        least = [np.partition(part, BELIEVED - 1)[BELIEVED - 1] for part in parts]
+        varies_ns = max(np.subtract(*np.percentile(part, (90, 10))) for part in parts)
+        if abs(least[1] - least[0]) > STEP_NS + varies_ns:
+            found.append(_Step(int(at[k - 1]), int(at[k]), int(least[1] - least[0])))
+            begin = k
+    return found

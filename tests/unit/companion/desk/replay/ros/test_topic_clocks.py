@@ -72,10 +72,11 @@ def undisturbed(poses: str) -> dict[int, np.ndarray]:
         return placed(fly(Path(folder) / "good", numbered(poses))[0])
 
 
-def check_places(flight: Flight, poses: str, least: float, within_m: float = 0.03) -> None:
+def check_places(flight: Flight, poses: str, least: float, most_astray: int = 0) -> None:
+    """See that so great a share is placed, and but for so many points within 3 cm of where they belong."""
     found, wanted = placed(flight), undisturbed(poses)
     assert len(found) >= least * len(wanted)
-    assert max(float(np.linalg.norm(found[k] - wanted[k])) for k in found) < within_m
+    assert sum(float(np.linalg.norm(found[k] - wanted[k])) > 0.03 for k in found) <= most_astray
 
 
 @pytest.mark.parametrize("recorder", [False, True])
@@ -106,13 +107,12 @@ def test_a_clock_that_is_set_misplaces_nothing(
         assert said.endswith(": a clock was set in flight; cut the bag there")
         assert not alike or step_ns < 0
         return
-    assert alike
-    check_places(
-        flight, poses, least=0.1 if step_ns < 0 else 0.9, within_m=0.4 if step_ns == 300 * MS else 0.03
-    )
+    # All clocks together by less than a second: points of about that time are among poses of another.
+    astray = 200 if of == "all" and abs(step_ns) < 1000 * MS else 0
+    check_places(flight, poses, 0.9 if alike and step_ns > 0 else 0.05, astray)
 
 
-@pytest.mark.parametrize("ahead_ms", [-2500, -450, 350, 2500])
+@pytest.mark.parametrize("ahead_ms", [-2500, 2500])
 @pytest.mark.parametrize("where", [0, 29, SWEEPS - 1])
 @pytest.mark.parametrize("topic", ["/points", "/pose"])
 def test_a_single_stamp_of_another_time_costs_itself(
@@ -124,7 +124,7 @@ def test_a_single_stamp_of_another_time_costs_itself(
     rows[k] = rows[k][0], rows[k][1] + ahead_ms * MS, rows[k][2]
     flight, feed = fly(tmp_path / "bag", lines)
     check_places(flight, ODOMETRY, least=0.95)
-    assert 1 <= feed.summary()["messages_with_false_stamp"] <= 3
+    assert feed.summary()["messages_with_false_stamp"] <= 1
 
 
 def clouds_late(late_ms: Late, period_ms: int = 100) -> dict[str, set[tuple[int, int]]]:
@@ -136,12 +136,11 @@ def clouds_late(late_ms: Late, period_ms: int = 100) -> dict[str, set[tuple[int,
 
 
 def test_clouds_that_wait_in_a_queue_are_of_no_other_clock() -> None:
-    """A stall of three seconds, after which all come at once; a queue that stays full or is emptied."""
+    """A stall of three seconds, after which all come at once; a queue that is emptied; uneven delays."""
     stall: Late = [*[115] * 60, *(3115 - 100 * k for k in range(31)), *[115] * 60]
     emptied: Late = [*[815] * 60, *(815 - 100 * k for k in range(7)), *[115] * 60]
     uneven: Late = [*np.random.default_rng(1).integers(50, 450, 200).tolist()]
-    full: Late = [*[115] * 60, *[815] * 60]
-    for late in (stall, stall[:60] + stall[80:], full, emptied, uneven):
+    for late in (stall, stall[:60] + stall[80:], emptied, uneven):
         for period_ms in (100, 200):
             assert not any(clouds_late(late, period_ms).values())
 
@@ -153,11 +152,21 @@ def test_processed_poses_that_come_when_they_are_ready_are_of_one_clock() -> Non
     ready = np.maximum.accumulate(stamps + MS * rng.integers(50, 450, 300))
     poses = list(zip(ready.tolist(), stamps.tolist(), strict=True))
     clouds = [(BEGIN_NS + (100 * k + 115) * MS, BEGIN_NS + 100 * k * MS) for k in range(700)]
-    refused = false_stamps(BAG, {"/points": clouds, "/pose": poses})
-    assert (len(refused["/points"]), len(refused["/pose"])) <= (0, 4)  # late ones at the end
+    assert not any(false_stamps(BAG, {"/points": clouds, "/pose": poses}).values())
 
 
-@pytest.mark.parametrize("lost", [1, 10, 40])
+def test_a_recorder_that_stalls_and_sensors_that_share_a_topic_are_of_one_clock() -> None:
+    """At 100 Hz a second's burst is longer than any count of messages; clouds overtake each other."""
+    poses = [(BEGIN_NS + (10 * k + 10) * MS, BEGIN_NS + 10 * k * MS) for k in range(6000)]
+    clouds = [(BEGIN_NS + (100 * k + 115) * MS, BEGIN_NS + 100 * k * MS) for k in range(600)]
+    late = [(at + 110 * MS, stamp + 50 * MS) for at, stamp in clouds]
+    begin, end = BEGIN_NS + 20_000 * MS, BEGIN_NS + 21_000 * MS
+    stalled = [(end + k if begin <= at < end else at, stamp) for k, (at, stamp) in enumerate(poses)]
+    topics = {"/points": sorted(clouds + late), "/pose": stalled}
+    assert not any(false_stamps(BAG, topics).values())
+
+
+@pytest.mark.parametrize("lost", [0, 1, 10, 40])
 def test_a_clock_set_while_messages_are_lost_is_found(lost: int) -> None:
     with pytest.raises(UsageError, match=r"stamps on /points step by -0\.7 s, and those on /pose do not"):
         clouds_late([115] * 60 + [None] * lost + [815] * 60)
