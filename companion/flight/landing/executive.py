@@ -27,6 +27,7 @@ from companion.flight.landing.interruptions.preconditions import (
 from companion.flight.landing.interruptions.vehicle_class_announcer import VehicleClassAnnouncer
 from companion.flight.landing.interruptions.withdrawal import MOST_CAUSE, Withdrawal
 from companion.flight.landing.landing_state import LandingState, bracketed
+from companion.flight.landing.outlook import Outlook, outlook
 from companion.flight.landing.phases.approach import Approach
 from companion.flight.landing.phases.climb import Climb
 from companion.flight.landing.phases.descent import Descent
@@ -136,6 +137,10 @@ class Executive:
             return False
         newest = self.state.selection.enu_m
         return newest is None or same_place(newest, enu_m)
+
+    def outlook(self, situation: Situation) -> Outlook:
+        """Return what the vehicle does now and next, and what an abort would do."""
+        return outlook(self.state, situation)
 
     def emergency(self, situation: Situation) -> Emergency | None:
         """Return where an emergency order would land now, None without a zone."""

@@ -1,0 +1,54 @@
+"""Words for what the vehicle does now and next, over whole flights."""
+
+from __future__ import annotations
+
+import re
+
+from companion.flight.landing.situation import Phase
+from tests.unit.companion.flight.landing.flight import Flight, zone
+
+
+def told(flight: Flight) -> tuple[str, str]:
+    words = flight.executive.outlook(flight.situation())
+    return words.doing, words.abort
+
+
+def test_each_phase_of_a_landing_tells_what_comes_next_and_what_an_abort_does() -> None:
+    flight = Flight([zone(1, 20, 0)])
+    said: dict[Phase, list[tuple[str, str]]] = {}
+    while flight.executive.phase is not Phase.LANDED and flight.time_s < 200:
+        flight.step()
+        said.setdefault(flight.executive.phase, []).append(told(flight))
+    assert said[Phase.SURVEY][0] == ("surveying, then flies to a zone", "holds here")
+    assert re.fullmatch(r"\d+ m to the point, then descends", said[Phase.APPROACH][0][0])
+    doing, abort = said[Phase.DESCEND][-1]
+    assert re.fullmatch(r"descending: LAND in \d+ s, touchdown in \d+ s; no abort below 1\.5 m", doing)
+    assert re.fullmatch(r"climbs \d+ m, then holds", abort)
+    assert said[Phase.FINAL][0][0].startswith("landing: touchdown in ")
+    assert said[Phase.FINAL][-1] == ("landing: too low to abort", "too low")
+    assert said[Phase.LANDED] == [("", "")]
+
+
+def test_after_an_abort_low_down_it_climbs_and_then_holds() -> None:
+    flight = Flight([zone(1, 20, 0)])
+    while flight.executive.phase is not Phase.FINAL:
+        flight.step()
+    flight.executive.abort(flight.situation())
+    words = told(flight)
+    assert flight.executive.phase is Phase.HOLD
+    assert re.fullmatch(r"climbing \d+ m, then holds for an order", words[0])
+    for _ in range(300):
+        flight.step()
+    assert told(flight) == ("holds for an order", "holds here")
+
+
+def test_nothing_is_told_on_the_ground_and_the_autopilot_s_own_mode_when_it_flies() -> None:
+    flight = Flight([], auto=False)
+    assert told(flight) == ("", "")
+    flight = Flight([zone(1, 20, 0)])
+    for _ in range(100):
+        flight.step()
+    flight.failsafe, flight.mode = True, "RTL"
+    flight.step()
+    assert flight.executive.phase is Phase.FAILSAFE
+    assert told(flight) == ("RTL flies by itself, no commands", "")
