@@ -142,6 +142,7 @@ class SituationSource:
             fence=self._fence.geofence(vehicle, self._history.frame),
             asked_enu_ms=self.asked_enu_ms,
             commander=self._commanders.commander(),
+            judged_ns=self._last_report_ns,
         )
 
     def fresh_report(self) -> Report | None:

@@ -25,7 +25,7 @@ FLYING = {
     "lidar_ok": True, "blind": "", "failsafe": False, "estimate_lost": "",
     "flying": False, "battery_pct": 80.0, "east_m": 0.0, "north_m": 0.0, "up_m": 20.0,
     "height_m": 20.0, "yaw_deg": 0.0, "pitch_deg": 0.0, "roll_deg": 0.0, "velocity_enu_ms": [0.0, 0.0, 0.0],
-    "aim_enu_m": None,
+    "aim_enu_m": None, "doing": "holds for an order", "abort_does": "holds here",
 }  # fmt: skip
 
 

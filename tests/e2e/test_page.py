@@ -104,6 +104,40 @@ def test_a_zone_is_clicked_selected_confirmed_and_the_landing_aborted_by_a_key(b
 
 
 @pytest.mark.browser
+def test_what_a_silent_lidar_judged_is_of_the_past(browser: Chromium, tmp_path: Path) -> None:
+    """Nothing that needs a judgement is offered, drawn as certain or called safe; the reason stands there."""
+    w = watch(browser)
+    shown = (
+        "({badge: document.querySelector('#choice .badge').textContent,"
+        " hint: document.getElementById('answer').dataset.hint,"
+        " off: ['select', 'confirm', 'best', 'now'].map((id) => document.getElementById(id).disabled),"
+        " lamps: [...document.querySelectorAll('.lamp.bad')].map((lamp) => lamp.title),"
+        " sure: [...new Set(slz.model.allZones().map((zone) => zone.sure))],"
+        " said: document.getElementById('side').innerText + document.getElementById('alarms').innerText})"
+    )
+
+    async def script(m: Mission) -> None:
+        await w.open()
+        await w.select_and_confirm()
+        await w.until_seen("slz.model.selected()?.state === 'safe'")
+        m.sim.lidar_on = False
+        await w.until_seen("slz.model.state.past.map > 4")
+        seen = await w.see(browser.script, shown)
+        await w.see(browser.picture, tmp_path / "silent.png")
+        assert seen["badge"] == "… NOT JUDGED NOW"
+        assert seen["hint"].startswith("LiDAR lost: nothing is judged now")
+        assert seen["off"] == [True] * 4
+        assert seen["lamps"] == ["LiDAR", "Map"]
+        assert seen["sure"] == ["past"]
+        assert "LIDAR LOST" in seen["said"]
+        assert "certain " not in seen["said"]
+        assert "✓" not in seen["said"]
+
+    w.mission.fly(script)
+    assert browser.errors == []
+
+
+@pytest.mark.browser
 def test_a_landing_confirmed_on_the_page_and_the_alarm_when_a_car_drives_in(
     browser: Chromium, tmp_path: Path
 ) -> None:

@@ -123,10 +123,56 @@ def test_all_alarms_at_once_leave_abort_on_the_screen(phone: Chromium, shown: Sh
         **shown.state, "lidar_ok": False, "east_m": None, "battery_low": True, "pipeline_failed": True,
         "blocked": True, "heard": False,
     }  # fmt: skip
+    phone.until("document.querySelectorAll('.alarm').length === 2")  # the gravest, in one line each
+    phone.tap_on("#alarms .more")
     phone.until("document.querySelectorAll('.alarm').length === 7")
     phone.tap_on("#abort")
     phone.until("document.getElementById('answer').textContent === 'noted'")
     assert shown.clerk.done() == ["abort"]
+
+
+SIZES = [(320, 480), (390, 844), (844, 390), (820, 1180), (720, 430), (1024, 600), (1440, 860), (2560, 1440)]
+IN_SIGHT = (
+    "(() => { const h = innerHeight, w = innerWidth, seen = {};"
+    " for (const [name, at] of [['abort', '#abort'], ['phase', '#phase'], ['badge', '#choice .badge']]) {"
+    " const b = document.querySelector(at).getBoundingClientRect();"
+    " const [x, y] = [b.x + b.width / 2, b.y + b.height / 2];"
+    " const top = document.elementFromPoint(x, y);"
+    " seen[name] = b.top >= 0 && b.left >= 0 && b.bottom <= h + 0.5 && b.right <= w + 0.5 && b.width > 20"
+    " && Boolean(top?.closest(at)); }"
+    " const c = document.getElementById('map').getBoundingClientRect();"
+    " seen.map = document.body.dataset.view !== 'map' || (c.width >= 120 && c.height >= 40);"
+    " return Object.entries(seen).filter(([, yes]) => !yes).map(([name]) => name); })()"
+)
+
+
+@pytest.mark.parametrize("trouble", ["none", "alarms", "all alarms open", "dialog"])
+def test_abort_phase_and_point_are_in_sight_at_every_size(
+    chromium: Path, shown: Shown, trouble: str, tmp_path: Path
+) -> None:
+    """What stops the landing, what it does and where it goes to: not covered, not below the edge."""
+    shown.board.set_report(report(selected=True, state=PointState.UNSAFE), 12.0)
+    if "alarms" in trouble:
+        shown.board.add_text("SLZ: LiDAR lost: take over", 2)
+        shown.state |= {"heard": False, "battery_low": True, "pipeline_failed": True, "blocked": True}
+    with Chromium(chromium, 1440, 860) as browser:
+        opened(browser, shown)
+        if trouble == "all alarms open":
+            browser.until("document.querySelector('#alarms .more') !== null")
+            browser.click_on("#alarms .more")
+        if trouble == "dialog":
+            browser.script("document.getElementById('best').click()")
+        out = {}
+        for width, height in SIZES:
+            browser.size(width, height, phone=width < 900)
+            browser.until(f"innerWidth === {width} && slz.bird.canvas.width > 0")
+            out[width, height] = browser.script(IN_SIGHT)
+            browser.picture(tmp_path / f"{width}x{height}.png")
+        # A dialog covers the point on a phone, and asks about it; all alarms, once opened, cover the map.
+        covered = {"dialog": {"badge", "map"}, "all alarms open": {"map"}}.get(trouble, set())
+        out = {size: {*hidden} - covered for size, hidden in out.items()}
+        assert not {size: hidden for size, hidden in out.items() if hidden}
+        assert browser.errors == []
 
 
 @pytest.mark.parametrize("field", ["#abort", "#filter", "[data-name=survey_s]", "[data-name=mode]"])
@@ -159,7 +205,7 @@ def test_a_page_that_stayed_open_believes_nothing_of_the_run_before(phone: Chrom
     phone.until("slz.link.stale")
     with Shown(opened_on) as second:
         second.board.add_text("SLZ: new and grave", 2)
-        phone.until("document.querySelector('.alarm.critical')?.textContent.includes('new and grave')")
+        phone.until("document.querySelector('.alarm.said')?.textContent.includes('new and grave')")
         assert phone.script("slz.model.texts.length") == 1
     phone.errors[:] = [text for text in phone.errors if "ERR_CONNECTION" not in text]
 

@@ -65,6 +65,7 @@ class ReplayPage:
         self.board = Board(playing.parameters)
         self.player = Player(self._open_run, self._on_step, self._on_begin, _length_s(path), speed or 1.0)
         self._shown_s = 0.0
+        self._judged_ns: int | None = None
         self._anew = True
         warm_up(playing.parameters)
 
@@ -103,17 +104,20 @@ class ReplayPage:
 
     def _on_begin(self) -> None:
         self.board.path, self.board.path_number = [], self.board.path_number + 1
-        self._anew = True
+        self._anew, self._judged_ns = True, None
 
     def _on_step(self, playing: Playing, _at_s: float, stamp_ns: int, report: Report | None) -> None:
         board, now_s = self.board, time.monotonic()
         if report is not None:
             board.set_report(report, report.total_ms)
+            self._judged_ns = stamp_ns
             self._anew = not board.copy_map_changes(playing.pipeline, anew=self._anew)
         if now_s - self._shown_s < SHOW_S:
             return
         self._shown_s = now_s
-        board.state = state_document.replayed(playing.history, playing.vehicle, stamp_ns, playing.diagnosis)
+        board.state = state_document.replayed(
+            playing.history, playing.vehicle, stamp_ns, playing.diagnosis, self._judged_ns
+        )
         state = board.state
         if state["east_m"] is not None:
             board.add_position((state["east_m"], state["north_m"], state["up_m"]))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
+from companion.flight.dashboard.freshness import MAP
+
 Level = Literal["critical", "warning"]
 
 
@@ -18,6 +20,8 @@ def active_alarms(state: dict[str, Any], selected: dict[str, Any] | None) -> lis
         Landing point in the newest report, None without one.
     """
     found: list[tuple[Level, str, str]] = []
+    if MAP in state["past"]:
+        selected = None  # judged in the past
     water = ": may be water" if selected is not None and selected["may_be_water"] else ""
     if selected is not None and selected["state"] == "unsafe":
         by = " (far map)" if selected["judged_by"] == "far" else ""
@@ -29,7 +33,9 @@ def active_alarms(state: dict[str, Any], selected: dict[str, Any] | None) -> lis
     elif not state["heard"]:
         found.append(("critical", "mode-unknown", "FLIGHT MODE UNKNOWN: no heartbeat"))
     if state["phase"] == "failsafe":
-        found.append(("critical", "failsafe", f"AUTOPILOT FAILSAFE: {state['mode']} FLIES, TAKE OVER"))
+        found.append(
+            ("critical", "failsafe", f"AUTOPILOT FAILSAFE: {state['mode'] or 'IT'} FLIES, TAKE OVER")
+        )
     elif state["failsafe"]:
         found.append(("critical", "failsafe", "AUTOPILOT FAILSAFE"))
     if state["estimate_lost"]:

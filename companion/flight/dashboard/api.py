@@ -6,6 +6,8 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from companion.flight.dashboard.freshness import MAP
+
 TITLE = "slz"
 DESCRIPTION = (
     "What the landing companion knows. Read only: orders go through the page or MAVLink. Positions are metres"
@@ -148,11 +150,12 @@ def status(
     s, p = state or {}, picture or {}
     lat, lon, alt = p.get("frame", (None, None, None))
     known = s.get("east_m") is not None
+    judged = {"state": "unknown", "certainty": None} if MAP in s.get("past", {MAP: None}) else {}
     return Status(
         phase=s.get("phase"),
         mode=s.get("mode"),
         connected=s.get("connected", False),
-        armed=s.get("armed", False),
+        armed=s.get("armed") or False,
         lidar_ok=s.get("lidar_ok", False),
         battery_pct=s.get("battery_pct"),
         position_enu_m=[s["east_m"], s["north_m"], s["up_m"]] if known else None,
@@ -162,6 +165,6 @@ def status(
         reports=reports,
         latency_ms=p.get("latency_ms"),
         origin=None if lat is None else Origin(lat_deg=lat, lon_deg=lon, alt_m=alt),
-        selected=None if p.get("selected") is None else Point(**p["selected"]),
+        selected=None if p.get("selected") is None else Point(**p["selected"] | judged),
         alarms=[Alarm.model_validate(alarm) for alarm in alarms],
     )

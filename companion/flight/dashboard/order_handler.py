@@ -69,7 +69,10 @@ class FlightOrderHandler:
     def _confirm(self, order: Confirm) -> Reply:
         """Land at the selected point, if it is the one that the sender saw."""
         flight, seen = self._flight, np.array([order.east_m, order.north_m, 0.0])
-        if not flight.executive.is_selected(flight.situation(), seen):
+        situation = flight.situation()
+        if not situation.lidar_ok:
+            return Reply(False, f"{situation.no_map_reason.text}: nothing is judged now")
+        if not flight.executive.is_selected(situation, seen):
             return Reply(False, "the selection changed or is not judged yet: look and confirm again")
         return self._desk.carry_out(Order(OrderKind.LAND_AT_SELECTED))
 

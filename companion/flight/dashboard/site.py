@@ -160,7 +160,7 @@ class Site:
             []
             if report is None
             else await self.in_thread(
-                hazard_features, report.wires, () if state is None else state["moving"], report.frame
+                hazard_features, report.wires, () if state is None else state["moving"] or (), report.frame
             )
         )
         return json.dumps({"type": "FeatureCollection", "features": features}).encode()

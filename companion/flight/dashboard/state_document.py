@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from companion.flight.dashboard.freshness import AUTOPILOT, MAP, POSITION, with_ages
 from companion.flight.flight_view import FlightView
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.axes import heading_rad
@@ -17,10 +18,12 @@ from companion.flight.landing.situation import COMMANDING, Emergency
 from companion.flight.landing.ways.approach_path import ApproachPath
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
+from companion.flight.situation_source import HEARD_NS
 from slz import MovingObject, Report, Wire
 
 LATENCIES = 300
 WIRE_STEP_M = 4.0
+JUDGED_NS = 4_000_000_000  # a recording's report is past after this: windows of few returns last up to 2 s
 
 
 def state(flight: FlightView) -> dict[str, Any]:
@@ -29,10 +32,13 @@ def state(flight: FlightView) -> dict[str, Any]:
     pose = flight.history.latest(s.now_ns)
     vehicle, executive, parameters = flight.link.vehicle, flight.executive, flight.parameters
     aim, mismatch = executive.aim_enu_m, flight.link.key_mismatch
+    outlook = executive.outlook(s)
     low = s.battery_pct is not None and 0 < parameters.battery_land_pct >= s.battery_pct
-    return {
+    document = {
         "at_ns": s.now_ns,
         "phase": executive.phase.value,
+        "doing": outlook.doing,
+        "abort_does": outlook.abort,
         "flying": executive.phase in COMMANDING,
         "mode": s.mode,
         "guided": s.guided,
@@ -66,16 +72,31 @@ def state(flight: FlightView) -> dict[str, Any]:
         "aborts": executive.tally.aborts,
         "reboots": vehicle.reboots,
     }
+    sources = {
+        AUTOPILOT: (s.connected and s.heard, vehicle.last_heartbeat_ns),
+        POSITION: (pose is not None, flight.history.bracketed_until_ns),
+        MAP: (s.lidar_ok, s.judged_ns),
+    }
+    return with_ages(document, s.now_ns, sources)
 
 
 def replayed(
-    history: PoseHistory, vehicle: VehicleState, at_ns: int, diagnosis: LidarDiagnosis | None = None
+    history: PoseHistory,
+    vehicle: VehicleState,
+    at_ns: int,
+    diagnosis: LidarDiagnosis | None = None,
+    judged_ns: int | None = None,
 ) -> dict[str, Any]:
-    """Return the same document from a recording, as far as it holds the values."""
-    pose = history.latest(at_ns)
-    return {
+    """Return the same document from a recording, as far as it holds the values.
+
+    judged_ns: time of the newest report.
+    """
+    pose, heard_ns = history.latest(at_ns), vehicle.last_heartbeat_ns
+    document = {
         "at_ns": at_ns,
         "phase": "replay",
+        "doing": "",
+        "abort_does": "",
         "flying": False,
         "mode": vehicle.mode,
         "guided": vehicle.guided,
@@ -109,6 +130,12 @@ def replayed(
         "aborts": 0,
         "reboots": vehicle.reboots,
     }
+    sources = {
+        AUTOPILOT: (heard_ns is not None and at_ns - heard_ns < HEARD_NS, heard_ns),
+        POSITION: (pose is not None, history.bracketed_until_ns),
+        MAP: (judged_ns is not None and at_ns - judged_ns < JUDGED_NS, judged_ns),
+    }
+    return with_ages(document, at_ns, sources)
 
 
 def lidar_faults(diagnosis: LidarDiagnosis | None) -> list[dict[str, str]]:

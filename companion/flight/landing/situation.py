@@ -90,7 +90,8 @@ class Situation:
     moving: what moves around the vehicle. no_command_reason: why a vehicle of this type, or in this state
     of flight, must not be commanded; "" if it may. fence: the autopilot's, as far as it is known.
     asked_enu_ms: velocity of the last step's setpoint as it was sent, None without one. commander: whose
-    target the autopilot follows in its guided mode, "" while it is ours.
+    target the autopilot follows in its guided mode, "" while it is ours. judged_ns: time of the newest report
+    of the present map, None before the first.
     """
 
     now_ns: int
@@ -134,6 +135,7 @@ class Situation:
     fence: Geofence = NO_FENCE
     asked_enu_ms: Vector | None = None
     commander: str = ""
+    judged_ns: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

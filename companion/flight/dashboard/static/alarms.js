@@ -3,6 +3,8 @@
 import { byId, el } from "./dom.js";
 
 const CRITICAL = 2; // severity of MAVLink's STATUSTEXT
+// Banners; the others wait behind a tap.
+const most = () => (window.innerHeight > 560 ? 2 : 1);
 
 export class Alarms {
   constructor(model) {
@@ -12,6 +14,7 @@ export class Alarms {
     this._read = -1; // newest text that was acknowledged, -1 before it is known
     this._run = null;
     this._shown = "";
+    this._all = false;
     this._beepAt = 0;
     document.addEventListener("pointerdown", () => this._wake(), { once: true });
     document.addEventListener("keydown", () => this._wake(), { once: true });
@@ -26,14 +29,26 @@ export class Alarms {
     const items = standing.map((alarm) => ({ ...alarm, loud: alarm.level === "critical" && !this._heard.has(alarm.key) }));
     const last = texts.at(-1);
     if (last && !standing.some((alarm) => alarm.key === "point-unsafe" && last.text.includes("UNSAFE"))) {
-      items.push({ level: "critical", key: `text-${last.number}`, text: last.text.replace("SLZ: ", ""), loud: true, text_number: last.number });
+      // What was said is history: it stands behind what is true now, with its time.
+      const at = new Date(1000 * last.at_s).toTimeString().slice(0, 8);
+      items.push({ level: "said", key: `text-${last.number}`, text: `${at} ${last.text.replace("SLZ: ", "")}`, loud: true });
     }
     this.loud = items.some((item) => item.loud);
-    const now = JSON.stringify(items);
+    const now = JSON.stringify([items, this._all, most()]);
     if (now === this._shown) return;
     this._shown = now;
-    this._box.replaceChildren(...items.map((item) => this._banner(item)));
+    const hidden = this._all ? 0 : Math.max(0, items.length - most());
+    this._box.replaceChildren(...items.slice(0, items.length - hidden).map((item) => this._banner(item)));
+    if (items.length > most()) {
+      const more = hidden ? `${hidden} more` : "fewer";
+      this._box.append(el("button", { class: "more", text: more, "aria-expanded": String(!hidden), onclick: () => this._fold() }));
+    }
     document.title = items.length ? `(!) ${items[0].text}` : "slz – landing zones";
+  }
+
+  _fold() {
+    this._all = !this._all;
+    this.update();
   }
 
   /** Silence everything that sounds; what stands stays in sight. */

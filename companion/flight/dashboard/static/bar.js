@@ -28,9 +28,10 @@ export class Bar {
     this._cells = {};
     for (const [key, label, wide] of NUMBERS) {
       const value = el("dd", { text: "–" });
-      const box = el("div", { class: wide ? "wide" : "" }, el("dt", { text: label }), value);
+      const name = el("dt", { text: label });
+      const box = el("div", { class: wide ? "wide" : "" }, name, value);
       byId("numbers").append(box);
-      this._cells[key] = { box, value };
+      this._cells[key] = { box, value, label: name };
     }
     this._lamps = {};
     for (const [key, label] of LAMPS) {
@@ -50,18 +51,22 @@ export class Bar {
     const v = s.velocity_enu_ms;
     const aim = this._model.aim() ?? this._model.selected()?.enu_m;
     const away = aim && s.east_m !== null ? Math.hypot(aim[0] - s.east_m, aim[1] - s.north_m) : null;
-    this._set("mode", `${s.mode || "–"}${s.armed ? "" : " · disarmed"}`, s.flying && !s.guided && s.phase !== "final");
-    this._set("height", shown(s.height_m ?? s.height_home_m, 1, "m"));
+    this._set("mode", `${s.mode || "–"}${s.armed === false ? " · disarmed" : ""}`, s.flying && !s.guided && s.phase !== "final");
+    const overGround = s.height_m !== null;
+    setText(this._cells.height.label, overGround || s.height_home_m === null ? "Over ground" : "Over home");
+    this._set("height", shown(overGround ? s.height_m : s.height_home_m, 1, "m"));
     this._set("speed", v ? shown(Math.hypot(v[0], v[1]), 1, "m/s") : "–");
     this._set("sink", v ? shown(v[2], 1, "m/s") : "–");
     this._set("battery", shown(s.battery_pct, 0, "%"), s.battery_low);
     this._set("wind", windWords(s.wind), Boolean(s.wind) && s.wind.gust_ms > (this._model.health?.parameters?.max_wind_ms ?? Infinity));
     this._set("distance", shown(away, 0, "m"));
-    this._set("latency", shown(this._model.zones?.latency_ms, 0, "ms"));
+    const past = this._model.isPast("map");
+    setText(this._cells.latency.label, past ? "Last report" : "Report after");
+    this._set("latency", past ? this._model.since("map") : shown(this._model.zones?.latency_ms, 0, "ms"), past && !s.on_ground);
     this._lamp("link", s.connected && s.heard);
     this._lamp("lidar", s.lidar_ok || s.on_ground);
     setClass(this._lamps.lidar, "off", s.on_ground && !s.lidar_ok);
-    this._lamp("map", !s.pipeline_failed && Boolean(this._model.zones));
+    this._lamp("map", !s.pipeline_failed && !past && Boolean(this._model.zones));
     const recording = this._model.health?.recording;
     setClass(this._lamps.rec, "off", !recording);
     setClass(this._lamps.rec, "bad", Boolean(recording?.ended));

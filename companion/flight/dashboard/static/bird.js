@@ -1,6 +1,6 @@
 // The bird's view: the map from above, drawn on a canvas.
 
-import { amount, fitCanvas } from "./dom.js";
+import { amount, fitCanvas, percent } from "./dom.js";
 import { ahead, MOVING, movingWords, radiusOf } from "./moving.js";
 import { middle, pieces, WIRE, wireWords } from "./wires.js";
 import { corners, FENCE, fenceWords, isBeyond } from "./fence.js";
@@ -282,7 +282,7 @@ export class BirdView {
       const surface = surfaceWords(zone);
       this._plate(pen, x, y - 8 * r, [
         `${zone.id}${suffix} · ${Math.round(zone.area_m2)} m²`,
-        `${SURE_WORDS[zone.sure]} ${Math.round(100 * zone.certainty)} %`,
+        zone.sure === "past" ? `${SURE_WORDS.past} ${this.model.since("map")}` : `${SURE_WORDS[zone.sure]} ${percent(zone.certainty)}`,
         ...(surface ? [surface] : []),
         ...(isBeyond(this.model, zone) ? ["beyond the fence"] : []),
       ]);

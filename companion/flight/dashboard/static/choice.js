@@ -1,6 +1,6 @@
 // What is picked, what is under watch, and the orders.
 
-import { byId, el, headings, percent, setClass, shown, valueOf, ways } from "./dom.js";
+import { byId, el, headings, percent, setClass, setText, shown, valueOf, ways } from "./dom.js";
 import { isBeyond } from "./fence.js";
 import { STATE_STYLE, SURE_WORDS, surfaceWords } from "./zones.js";
 
@@ -11,6 +11,7 @@ export class Choice {
     [this._model, this._link] = [model, link];
     this._drawn = "";
     this._armed = false;
+    this._saidAt = null;
     byId("select").onclick = () => this.select();
     byId("confirm").onclick = () => this.confirm();
     byId("best").onclick = () => this._askFirst("Land at the best zone?", this._bestWords(), { do: "land_best" });
@@ -65,10 +66,12 @@ export class Choice {
   /** Where an emergency order would land now. */
   _soonestWords() {
     const soonest = this._model.state?.emergency;
-    if (!soonest) return "no zone known";
+    if (!soonest) return this._model.isPast("map") ? `not now: ${this._model.state.blind}` : "not now: no zone known";
     if (soonest.seconds === null) return `zone ${soonest.zone}, too windy to reach`;
     const lasts = soonest.within_battery === false ? ", beyond the battery" : "";
-    return `zone ${soonest.zone} in ${soonest.seconds} s${lasts}`;
+    const zone = this._model.zone(soonest.zone);
+    const where = zone ? `, ${shown(this._away(zone.best), 0, "m")} away${surfaceWords(zone) && `, ${surfaceWords(zone)}`}` : "";
+    return `zone ${soonest.zone} in ${soonest.seconds} s${where}${lasts}`;
   }
 
   abort() {
@@ -85,22 +88,26 @@ export class Choice {
   // ---- what is shown ---------------------------------------------------------------------------
 
   update() {
-    const { picked, state } = this._model;
-    const point = this._model.selected();
+    const { state } = this._model;
+    const [picked, point] = [this._model.pickedNow(), this._model.selected()];
     const may = this._model.operator && Boolean(state) && this._model.about.kind === "flight";
     const ready = may && state.connected && !this._link.stale;
-    byId("select").disabled = !ready || !picked || (picked.zone !== null && this._isFar(picked.zone));
-    byId("confirm").disabled = !ready || !point || point.state === "unsafe" || !state.guided || this._flownTo(point);
-    byId("best").disabled = !ready || !state.guided || !this._model.near().length || this._descending();
-    byId("now").disabled = !ready || !state.armed || state.on_ground;
-    byId("soonest").textContent = byId("now").disabled ? "" : this._soonestWords();
+    const judged = ready && !this._model.isPast("map");
+    byId("select").disabled = !judged || !picked || (picked.zone !== null && this._isFar(picked.zone));
+    byId("confirm").disabled = !judged || !point || point.state === "unsafe" || !state.guided || this._flownTo(point);
+    byId("best").disabled = !judged || !state.guided || !this._model.near().length || this._descending();
+    byId("now").disabled = !judged || !state.emergency || !state.armed || state.on_ground;
+    byId("soonest").textContent = state?.armed && !state.on_ground ? this._soonestWords() : "";
     byId("abort").disabled = !may;
     if (this._armed && state && !state.armed) this._say(""); // the flight that the answer was of is over
     this._armed = Boolean(state?.armed);
+    this._forgetAnswer();
+    setText(byId("abort-does"), state?.abort_does ?? "");
     byId("answer").dataset.hint = this._hint(point);
-    const now = JSON.stringify([picked, point, this._model.zones?.number, this._model.about?.role]);
+    const now = JSON.stringify([picked, point, this._model.since("map"), this._model.zones?.number, this._model.about?.role]);
     if (now === this._drawn) return;
     this._drawn = now;
+    setClass(byId("choice"), "past", this._model.isPast("map"));
     byId("choice").replaceChildren(...(picked ? this._picked(picked) : point ? this._watched(point) : this._nothing()));
   }
 
@@ -111,8 +118,9 @@ export class Choice {
     if (!this._model.operator) return "This page may look only.";
     if (!state.connected) return "No autopilot: no order but abort.";
     if (!state.armed || state.on_ground) return "";
+    if (this._model.isPast("map")) return `${state.blind}: nothing is judged now, last ${this._model.since("map")}.`;
     if (!state.guided && this._model.near().length) return "To land, hand over first: guided flight mode.";
-    return point?.state === "unsafe" ? "The landing point is unsafe: select another." : "";
+    return point?.state === "unsafe" ? "The landing point is unsafe: select another." : state.doing;
   }
 
   _descending() {
@@ -141,7 +149,7 @@ export class Choice {
     if (zone) {
       const far = this._isFar(zone);
       return [
-        el("h2", {}, `Zone ${zone.id}${far ? " (far map)" : ""}`, this._badge(zone.sure, `${SURE_WORDS[zone.sure]} ${percent(zone.certainty)}`)),
+        el("h2", {}, `Zone ${zone.id}${far ? " (far map)" : ""}`, this._badge(zone.sure, zone.sure === "past" ? `${SURE_WORDS.past} ${this._model.since("map")}` : `${SURE_WORDS[zone.sure]} ${percent(zone.certainty)}`)),
         this._facts([
           ["Area", shown(zone.area_m2, 0, "m²")],
           ["Rank", `${zone.rank} of ${(far ? this._model.far() : this._model.near()).length}`],
@@ -164,7 +172,7 @@ export class Choice {
         isBeyond(this._model, zone) ? el("p", { text: "Beyond the autopilot's fence: an order to land there is refused." }) : null,
       ].filter(Boolean);
     }
-    const state = facts?.state ?? "unknown";
+    const state = this._model.isPast("map") ? "past" : (facts?.state ?? "unknown");
     return [
       el("h2", {}, "Point", this._badge(state, STATE_STYLE[state].word.toLowerCase())),
       this._facts([
@@ -177,6 +185,7 @@ export class Choice {
   }
 
   _whyNot(facts) {
+    if (this._model.isPast("map")) return `Last judged ${this._model.since("map")}: ${this._model.state.blind}.`;
     if (!facts?.map) return "Nothing was seen there: unknown is never safe.";
     if (facts.state === "unknown") return "Part of the footprint was not seen: unknown is never safe.";
     return "Outside of every zone: too steep or too uneven for the vehicle's footprint.";
@@ -188,6 +197,7 @@ export class Choice {
     const nearest = point.obstacles[0];
     return [
       el("h2", {}, `Landing point${zone ? ` · zone ${zone.id}` : ""}`, this._badge(point.state, `${style.mark} ${style.word}`)),
+      ...(point.state === "past" ? [el("p", { text: `Last judged ${this._model.since("map")}: ${this._model.state.blind}.` })] : []),
       this._facts([
         ["Certainty", percent(point.certainty, 1)],
         ["Slope", shown(point.slope_deg, 1, "°")],
@@ -256,7 +266,18 @@ export class Choice {
     return ok;
   }
 
+  /** An answer stands until the flight has gone on: another phase, or the report that judges a selection. */
+  _moment() {
+    return { phase: this._model.state?.phase, number: this._model.zones?.number ?? 0 };
+  }
+
+  _forgetAnswer() {
+    const [said, now] = [this._saidAt, this._moment()];
+    if (said && (said.phase !== now.phase || (said.good && now.number > said.number + 1))) this._say("");
+  }
+
   _say(text, good = null) {
+    this._saidAt = text ? { ...this._moment(), good } : null;
     const answer = byId("answer");
     answer.textContent = text;
     setClass(answer, "yes", good === true);

@@ -53,12 +53,23 @@ export class Model {
     }
   }
 
+  /** Whether a source of the state (autopilot, position, map) is silent: what it told is of the past. */
+  isPast(source) {
+    return Boolean(this.state?.past && source in this.state.past);
+  }
+
+  /** How long a silent source has been, in words. */
+  since(source) {
+    const age = this.state?.past?.[source] ?? null;
+    return age === null ? "never" : age < 100 ? `${Math.round(age)} s ago` : `${Math.round(age / 60)} min ago`;
+  }
+
   near() {
-    return this.zones?.near ?? [];
+    return this._judged(this.zones?.near ?? []);
   }
 
   far() {
-    return this.zones?.far ?? [];
+    return this._judged(this.zones?.far ?? []);
   }
 
   /** Zones on ground surveyed before the flight: to look at, never yet to land in. */
@@ -75,7 +86,8 @@ export class Model {
   }
 
   selected() {
-    return this.zones?.selected ?? null;
+    const point = this.zones?.selected ?? null;
+    return point && this.isPast("map") ? { ...point, state: "past", certainty: null, rose: null } : point;
   }
 
   /** Where it flies to, null while it does not. */
@@ -111,6 +123,16 @@ export class Model {
       yaw: s.yaw_deg, pitch: s.pitch_deg, roll: s.roll_deg, height: s.height_m, velocity: s.velocity_enu_ms,
     });
     if (this._poses.length > 2) this._poses.shift();
+  }
+
+  /** What is picked, as it may be shown now. */
+  pickedNow() {
+    return this.picked?.zone ? { ...this.picked, zone: this._judged([this.picked.zone])[0] } : this.picked;
+  }
+
+  _judged(zones) {
+    if (!this.isPast("map")) return zones;
+    return zones.map((zone) => ({ ...zone, sure: "past", largest: false, certainty: null, point_certainty: null }));
   }
 
   _followPicked() {

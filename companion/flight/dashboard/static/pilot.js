@@ -124,7 +124,8 @@ export class PilotView {
     const pen = this.hud.getContext("2d");
     pen.clearRect(0, 0, width, height);
     const pose = this.model.pose(now);
-    if (!pose || gl.isContextLost()) return;
+    if (gl.isContextLost()) return;
+    if (!pose) return this._noPosition(pen, width, height, ratio);
     const view = this._view(pose);
     const matrix = multiply(perspective(FIELD, width / height, 0.5, 8000), looking(view.eye, view.forward, view.up));
     this._backdrop(view, pose);
@@ -132,6 +133,16 @@ export class PilotView {
     this._solids(matrix, pose);
     this._labels(pen, matrix, width, height, ratio);
     this._instruments(pen, pose, view, matrix, width, height, ratio);
+  }
+
+  /** Where nothing can be drawn: why. */
+  _noPosition(pen, width, height, r) {
+    const { state } = this.model;
+    const words = !state ? "" : state.connected ? `No position, last ${this.model.since("position")}` : "No autopilot: no position";
+    pen.font = `700 ${18 * r}px system-ui, sans-serif`;
+    pen.textAlign = "center";
+    pen.fillStyle = "#eef2f5";
+    pen.fillText(words, width / 2, height / 2);
   }
 
   _view(pose) {

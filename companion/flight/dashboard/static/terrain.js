@@ -104,7 +104,7 @@ export class Terrain {
   /** Paint one block whose ground or zones changed: the one that waits for longest, each once a second at most. */
   _paintOne() {
     const now = performance.now();
-    const zones = `${this.model.zones?.number}/${this.model.picked?.zone?.id}/${this.sheets.layer}`;
+    const zones = `${this.model.zones?.number}/${this.model.isPast("map")}/${this.model.picked?.zone?.id}/${this.sheets.layer}`;
     const due = [...this.meshes.values()].filter(
       (mesh) => (mesh.painted !== mesh.block.data || mesh.zones !== zones) && now - mesh.paintedAt > PAINT_MS,
     );

@@ -4,17 +4,19 @@ export const STYLE = {
   largest: { fill: "rgba(0, 92, 40, 0.62)", line: "#0b7a3b", halo: "#d9ffe6" },
   certain: { fill: "rgba(120, 214, 130, 0.50)", line: "#8be89a", halo: "#0d2a14" },
   uncertain: { fill: "rgba(214, 60, 50, 0.42)", line: "#ff8a7a", halo: "#3a0d0a" },
+  past: { fill: "rgba(150, 158, 166, 0.28)", line: "#b4bcc4", halo: "#10151a" },
   prior: { fill: "rgba(176, 188, 200, 0.20)", line: "#c3ced9", halo: "#10151a" },
 };
-export const SURE_WORDS = { certain: "certain", less: "less certain", uncertain: "uncertain" };
+export const SURE_WORDS = { certain: "certain", less: "less certain", uncertain: "uncertain", past: "last judged" };
 export const STATE_STYLE = {
   safe: { line: "#4cc2ff", fill: "rgba(76, 194, 255, 0.16)", word: "SAFE", mark: "✓" },
   unsafe: { line: "#ff3b30", fill: "rgba(255, 59, 48, 0.34)", word: "UNSAFE", mark: "✕" },
   unknown: { line: "#e2e6ea", fill: "rgba(200, 206, 212, 0.16)", word: "NOT JUDGED", mark: "?" },
+  past: { line: "#b4bcc4", fill: "rgba(150, 158, 166, 0.16)", word: "NOT JUDGED NOW", mark: "…" },
 };
 
 export function styleOf(zone) {
-  if (zone.sure === "uncertain") return STYLE.uncertain;
+  if (zone.sure === "uncertain" || zone.sure === "past") return STYLE[zone.sure];
   return zone.largest ? STYLE.largest : STYLE.certain;
 }
 
@@ -22,7 +24,7 @@ const patterns = new Map();
 
 /** Pattern over a zone: none where certain, lines where less, a lattice where uncertain. */
 export function patternOf(context, sure) {
-  if (sure === "certain") return null;
+  if (sure !== "less" && sure !== "uncertain") return null;
   if (!patterns.has(sure)) {
     const tile = document.createElement("canvas");
     tile.width = tile.height = 16;

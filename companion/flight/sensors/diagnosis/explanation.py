@@ -50,7 +50,7 @@ class Explanation:
 # ---- nothing that can be used arrives --------------------------------------------------------------
 
 
-def silent(seconds: float, bound: str = ANY) -> Explanation:
+def silent(bound: str = ANY) -> Explanation:
     """Nothing arrives any more, or has never arrived, at the bound address."""
     other = (
         ""
@@ -59,7 +59,7 @@ def silent(seconds: float, bound: str = ANY) -> Explanation:
     )
     return Explanation(
         "LiDAR silent: power, cable or address",
-        f"nothing has come from the LiDAR for {seconds:.0f} s",
+        "nothing comes from the LiDAR",
         f"{SUBNET}, and set the sensor's destination to this computer and the port of --lidar{other}",
         "fail",
     )

@@ -254,13 +254,11 @@ class LidarDiagnosis:
         since_ns = self._last_ns if self._last_ns is not None else self._begun_ns or now_ns
         patience_ns = SILENT_NS if self._last_ns is not None else START_NS
         if now_ns - since_ns > patience_ns and not look.packets:
-            cause, why = self._why_silent(look, (now_ns - since_ns) * 1e-9, surroundings, now_ns)
+            cause, why = self._why_silent(look, surroundings, now_ns)
             return {cause: why}
         return self._why_poor(look, now_ns) | self._why_late(look, now_ns)
 
-    def _why_silent(
-        self, look: StreamLook, seconds: float, around: Surroundings, now_ns: int
-    ) -> tuple[str, Explanation]:
+    def _why_silent(self, look: StreamLook, around: Surroundings, now_ns: int) -> tuple[str, Explanation]:
         if look.wrong_sensor:
             return "other_maker", explain.other_maker(self.undecoded)
         if look.unfit:
@@ -280,7 +278,7 @@ class LidarDiagnosis:
             return "elsewhere", explain.elsewhere(destination)
         if around.present:
             return "elsewhere", explain.elsewhere("another host or port")
-        return "silent", explain.silent(seconds, around.bound)
+        return "silent", explain.silent(around.bound)
 
     def _why_poor(self, look: StreamLook, now_ns: int) -> dict[str, Explanation]:
         """Return causes by which something is missing or too much."""

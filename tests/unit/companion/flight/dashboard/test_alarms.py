@@ -25,6 +25,7 @@ QUIET: dict[str, Any] = {
     "unfit": [],
     "pipeline_failed": False,
     "blocked": False,
+    "past": {},
 }
 SAFE: dict[str, Any] = {
     "state": "safe",
@@ -49,6 +50,12 @@ def test_an_unsafe_landing_point_comes_first() -> None:
         ("critical", "point-unsafe"),
         ("critical", "no-lidar"),
     ]
+
+
+def test_a_point_judged_in_the_past_is_no_alarm_but_the_silent_lidar_is() -> None:
+    silent = {**QUIET, "lidar_ok": False, "past": {"map": 3.0}}
+    for state in ("safe", "unsafe", "unknown"):
+        assert keys(silent, {**SAFE, "state": state}) == ["no-lidar"]
 
 
 def test_a_point_that_nobody_has_seen_is_a_warning() -> None:

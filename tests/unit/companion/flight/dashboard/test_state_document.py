@@ -9,17 +9,24 @@ import pytest
 import params
 from companion.flight.app import Companion
 from companion.flight.dashboard import state_document
-from companion.flight.fusion.wind_estimate import WindEstimate
+from companion.flight.dashboard.freshness import FIELDS, with_ages
 from companion.flight.geometry.geofence import Boundary, Geofence
 from companion.flight.geometry.wind import Wind
 from companion.flight.link.vehicle_state import VehicleState
-from companion.flight.mapping.point_watch import PointWatch
 from companion.flight.sensors.diagnosis import explanation
 from companion.flight.sensors.diagnosis.lidar_diagnosis import Episode, LidarDiagnosis
 from slz import MovingObject, Nearby, Wire
 from slz.wires.sagging_curve import SaggingCurve
 from tests.integration.link_bench import on_simulated_clock
 from tests.unit.companion.flight.landing.flight import Flight, zone
+
+S = 1_000_000_000
+# What the companion itself knows is as old as the document.
+OWN = {
+    *("at_ns", "phase", "flying", "connected", "heard", "lidar_ok", "blind", "lidar_faults"),
+    *("pipeline_failed", "no_commands", "key_mismatch", "unfit", "fence", "aim_enu_m", "aborts", "reboots"),
+    *("past", "doing", "abort_does"),
+}
 
 
 @on_simulated_clock
@@ -28,13 +35,39 @@ async def test_the_wind_is_shown_by_where_it_comes_from_and_unknown_is_none(
 ) -> None:
     companion = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
     try:
+        monkeypatch.setattr(companion, "situation", (flight := Flight([])).situation)
         assert state_document.state(companion)["wind"] is None
-        blowing = Wind(math.radians(359.8), 6.04, 9.26, "tilt")
-        monkeypatch.setattr(WindEstimate, "at", lambda _self, _now_ns: blowing)
+        flight.wind = Wind(math.radians(359.8), 6.04, 9.26, "tilt")
         shown = state_document.state(companion)["wind"]
     finally:
         companion.worker.close()
     assert shown == {"from_deg": 0, "speed_ms": 6.0, "gust_ms": 9.3, "source": "tilt"}
+
+
+@on_simulated_clock
+async def test_every_value_of_the_state_is_of_a_source_or_the_companion_s_own() -> None:
+    """A new field needs a decision; both kinds of document have the same."""
+    companion = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
+    try:
+        flown = state_document.state(companion)
+        replayed = state_document.replayed(companion.history, VehicleState(), 0)
+    finally:
+        companion.worker.close()
+    told = {field for fields in FIELDS.values() for field in fields}
+    assert set(flown) == set(replayed) == told | OWN
+    assert flown["past"] == replayed["past"] == {"autopilot": None, "position": None, "map": None}
+    assert {flown[field] for field in told} == {replayed[field] for field in told} == {None}
+
+
+@pytest.mark.parametrize("cut", [*FIELDS, "none"])
+def test_a_silent_source_leaves_no_value_but_its_age(cut: str) -> None:
+    """All fields, all sources: what a silent one told is gone, and nothing else."""
+    told = {field for fields in FIELDS.values() for field in fields}
+    sources = {name: (name != cut, 2 * S) for name in FIELDS}
+    shown = with_ages(dict.fromkeys(told | OWN - {"past"}, "told"), 62 * S, sources)
+    gone = set(FIELDS.get(cut, ()))
+    assert {field for field, value in shown.items() if value is None} == gone
+    assert shown["past"] == ({cut: 60.0} if cut in FIELDS else {})
 
 
 @on_simulated_clock
@@ -80,10 +113,11 @@ async def test_what_is_wrong_with_the_lidar_is_shown_with_its_remedy(monkeypatch
 async def test_what_moves_is_shown_where_it_is_now(monkeypatch: pytest.MonkeyPatch) -> None:
     companion = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
     try:
+        monkeypatch.setattr(companion, "situation", (flight := Flight([])).situation)
         assert state_document.state(companion)["moving"] == []
-        half_a_second_ago = companion.situation().now_ns - 500_000_000
+        half_a_second_ago = flight.now_ns - 500_000_000
         walker = MovingObject(7, half_a_second_ago, np.array([4.0, 1.0]), np.array([-2.0, 0.0]), 0.31, 1.74)
-        monkeypatch.setattr(PointWatch, "moving", lambda _self, _now_ns: (walker,))
+        flight.moving = lambda _flight: (walker,)
         (shown,) = state_document.state(companion)["moving"]
     finally:
         companion.worker.close()
@@ -106,6 +140,7 @@ async def test_wires_are_shown_where_they_were_seen_and_where_they_go_on(
     around = Nearby(-30.0, -30.0, 0.5, level, level)
     one = Wire(3, curve, -8.0, 8.0, -12.0, 8.0, (False, True), 20, 0, 0)
     try:
+        monkeypatch.setattr(companion, "situation", Flight([]).situation)
         assert state_document.state(companion)["wires"] == []
         monkeypatch.setattr(Companion, "report", replace(found, wires=(one,), nearby=around))
         (shown,) = state_document.state(companion)["wires"]

@@ -274,7 +274,7 @@ def test_a_silent_lidar_fails(counts: dict[str, int], said: str) -> None:
 
 
 def test_a_silent_lidar_fails_by_its_cause_with_its_remedy() -> None:
-    episodes = [Episode("silent", explanation.silent(3.0), 0), Episode("firewall", explanation.firewall(), 1)]
+    episodes = [Episode("silent", explanation.silent(), 0), Episode("firewall", explanation.firewall(), 1)]
     (finding,) = lidar_findings("livox:x", 10.0, 0, {}, episodes)
     assert (finding.check, finding.state) == ("LiDAR packets", "fail")
     assert finding.found.startswith("none at livox:x: the LiDAR answers commands")

@@ -55,8 +55,8 @@ def test_multicasts_arrive_at_their_group_and_broadcasts_where_all_addresses_are
 
 
 def test_silence_at_one_address_names_the_one_where_broadcasts_arrive() -> None:
-    assert "0.0.0.0" not in explanation.silent(3.0).remedy
-    assert "use 0.0.0.0 or the group's address" in explanation.silent(3.0, "192.168.1.50").remedy
+    assert "0.0.0.0" not in explanation.silent().remedy
+    assert "use 0.0.0.0 or the group's address" in explanation.silent("192.168.1.50").remedy
     assert "--lidar KIND:239.1.1.5:PORT" in explanation.elsewhere("239.1.1.5").remedy
 
 
