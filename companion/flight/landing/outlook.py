@@ -35,7 +35,8 @@ def outlook(state: LandingState, s: Situation) -> Outlook:
         case Phase.SURVEY:
             return Outlook("surveying, then flies to a zone", abort)
         case Phase.APPROACH:
-            return Outlook(f"{aim.away_m:.0f} m to the point, then descends", abort)
+            away = f"{aim.away_m:.0f} m " if math.isfinite(aim.away_m) else ""
+            return Outlook(f"{away}to the point, then descends", abort)
         case Phase.DESCEND:
             sinks_s = max(0.0, left_m - p.final_height_m) / p.descent_speed_ms
             lands_s = sinks_s + min(left_m, p.final_height_m) / LANDING_MS
