@@ -1,12 +1,12 @@
 // The bird's view: the map from above, drawn on a canvas.
 
-import { amount, fitCanvas, percent } from "./dom.js";
+import { amount, fitCanvas } from "./dom.js";
 import { ahead, MOVING, movingWords, radiusOf } from "./moving.js";
 import { middle, pieces, WIRE, wireWords } from "./wires.js";
 import { corners, FENCE, fenceWords, isBeyond } from "./fence.js";
 import { rampColour } from "./paint.js";
 import { drawArrow, drawRose, roseRadius, windWords, WIND } from "./rose.js";
-import { holds, pathOf, patternsOf, STATE_STYLE, STYLE, styleOf, SURE_WORDS, surfaceWords } from "./zones.js";
+import { holds, pathOf, patternsOf, STATE_STYLE, STYLE, styleOf, surfaceWords } from "./zones.js";
 
 const FRAME_MS = 45;
 const [LEAST_SCALE, MOST_SCALE] = [0.15, 60]; // pixels a metre
@@ -282,7 +282,7 @@ export class BirdView {
       const surface = surfaceWords(zone);
       this._plate(pen, x, y - 8 * r, [
         `${zone.id}${suffix} · ${Math.round(zone.area_m2)} m²`,
-        zone.sure === "past" ? `${SURE_WORDS.past} ${this.model.since("map")}` : `${SURE_WORDS[zone.sure]} ${percent(zone.certainty)}`,
+        this.model.sureWords(zone),
         ...(surface ? [surface] : []),
         ...(isBeyond(this.model, zone) ? ["beyond the fence"] : []),
       ]);

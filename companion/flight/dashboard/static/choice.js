@@ -2,7 +2,7 @@
 
 import { byId, el, headings, percent, setClass, setText, shown, valueOf, ways } from "./dom.js";
 import { isBeyond } from "./fence.js";
-import { STATE_STYLE, SURE_WORDS, surfaceWords } from "./zones.js";
+import { STATE_STYLE, surfaceWords } from "./zones.js";
 
 const NEAR_M = 0.05; // the point under watch is the picked one
 
@@ -149,7 +149,7 @@ export class Choice {
     if (zone) {
       const far = this._isFar(zone);
       return [
-        el("h2", {}, `Zone ${zone.id}${far ? " (far map)" : ""}`, this._badge(zone.sure, zone.sure === "past" ? `${SURE_WORDS.past} ${this._model.since("map")}` : `${SURE_WORDS[zone.sure]} ${percent(zone.certainty)}`)),
+        el("h2", {}, `Zone ${zone.id}${far ? " (far map)" : ""}`, this._badge(zone.sure, this._model.sureWords(zone))),
         this._facts([
           ["Area", shown(zone.area_m2, 0, "m²")],
           ["Rank", `${zone.rank} of ${(far ? this._model.far() : this._model.near()).length}`],

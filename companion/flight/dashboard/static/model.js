@@ -1,5 +1,8 @@
 // Everything the page knows, as last told.
 
+import { percent } from "./dom.js";
+import { SURE_WORDS } from "./zones.js";
+
 const STEP_MS = 100; // between two states
 
 export class Model {
@@ -62,6 +65,11 @@ export class Model {
   since(source) {
     const age = this.state?.past?.[source] ?? null;
     return age === null ? "never" : age < 100 ? `${Math.round(age)} s ago` : `${Math.round(age / 60)} min ago`;
+  }
+
+  /** How sure a zone is, in words; of the past, when it was last judged. */
+  sureWords(zone) {
+    return `${SURE_WORDS[zone.sure]} ${zone.sure === "past" ? this.since("map") : percent(zone.certainty)}`;
   }
 
   near() {
