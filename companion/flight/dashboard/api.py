@@ -73,7 +73,7 @@ class Status(BaseModel):
     )
     mode: str | None = Field(description="The autopilot's flight mode.")
     connected: bool
-    armed: bool
+    armed: bool | None
     lidar_ok: bool
     battery_pct: float | None
     position_enu_m: list[float | None] | None
@@ -155,7 +155,7 @@ def status(
         phase=s.get("phase"),
         mode=s.get("mode"),
         connected=s.get("connected", False),
-        armed=s.get("armed") or False,
+        armed=s.get("armed"),
         lidar_ok=s.get("lidar_ok", False),
         battery_pct=s.get("battery_pct"),
         position_enu_m=[s["east_m"], s["north_m"], s["up_m"]] if known else None,

@@ -105,7 +105,7 @@ def replayed(
         "connected": True,
         "heard": True,
         "lidar_ok": True,
-        "blind": "",
+        "blind": "no report",
         "lidar_faults": lidar_faults(diagnosis),
         "failsafe": vehicle.failsafe,
         "estimate_lost": vehicle.health.estimate_lost,
