@@ -18,7 +18,7 @@ from companion.desk.replay.time_of_day import time_of_day
 from companion.runtime.errors import UsageError
 
 Times = NDArray[np.int64]
-Told = tuple[int, int]
+Pair = tuple[int, int]
 BELIEVED = 5  # so many messages in succession are another clock, and no bad stamps
 STEP_NS = 100_000_000  # smallest step that is found; NTP slews a clock that errs by less than 128 ms
 LATE_NS = 1_000_000_000  # messages that overtake each other, or are of several sensors, come less late
@@ -40,8 +40,8 @@ class _Step:
         return apart_ns <= APART_NS and abs(self.change_ns - other.change_ns) <= STEP_NS
 
 
-def false_stamps(path: Path, times: Mapping[str, Sequence[Told]]) -> dict[str, set[Told]]:
-    """Return those messages of each topic whose stamps contradict those before and after.
+def false_stamps(path: Path, times: Mapping[str, Sequence[Pair]]) -> dict[str, set[Pair]]:
+    """Return the messages of each topic, by both times, whose stamps contradict those around them.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def false_stamps(path: Path, times: Mapping[str, Sequence[Told]]) -> dict[str, s
         A clock was set while the bag was recorded: stamps of a topic go back, or its lag changes for good and
         that of another topic does not, so that points would be placed by the poses of another time.
     """
-    found: dict[str, set[Told]] = {}
+    found: dict[str, set[Pair]] = {}
     steps: dict[str, list[_Step]] = {}
     for topic, pairs in times.items():
         at, stamp = np.array(pairs, np.int64).reshape(-1, 2).T
@@ -100,7 +100,7 @@ def _steps(at: Times, stamp: Times) -> list[_Step]:
     """Return the steps of a topic's clock, where its lag changes from one message to the next and for good.
 
     By more than it varies otherwise: messages that come when they are ready, or with stamps of whole seconds,
-    tell no small step.
+    show no small step.
     """
     lag = at - stamp
     found, begin = [], 0
