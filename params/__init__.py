@@ -2,13 +2,14 @@
 
 from params.autopilot_files import AUTOPILOT_FILES, autopilot_file
 from params.grounded import Grounded, airworthy, check_airworthy, grounded
-from params.load import PROFILES, ParameterError, allowed, build, load
+from params.load import PROFILES, RENAMED, ParameterError, allowed, build, load, unknown
 from params.required import Required, required
 from params.table import Parameters, Row, Spec, rows
 
 __all__ = [
     "AUTOPILOT_FILES",
     "PROFILES",
+    "RENAMED",
     "Grounded",
     "ParameterError",
     "Parameters",
@@ -24,4 +25,5 @@ __all__ = [
     "load",
     "required",
     "rows",
+    "unknown",
 ]

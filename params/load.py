@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from params.table import Parameters, Row, rows
 
 PROFILES = ("quadcopter", "helicopter", "radar")
+RENAMED = {"max_slope_deg": "worst_slope_deg", "SLZ_MAX_SLOPE": "SLZ_WORST_SLOPE"}  # old names: today's
 
 
 class ParameterError(ValueError):
@@ -48,7 +49,7 @@ def load(
             raise ParameterError(f"setting {setting!r}: write it as name=value")
         row = by_name.get(name.strip())
         if row is None:
-            raise ParameterError(_unknown(name.strip()))
+            raise ParameterError(unknown(name.strip()))
         values[row.name] = text.strip()
     return build(values)
 
@@ -57,7 +58,7 @@ def build(values: Mapping[str, Any]) -> Parameters:
     """Validate a mapping of Python names to values; raise `ParameterError` with name, value and range."""
     for name in values:
         if name not in Parameters.model_fields:
-            raise ParameterError(_unknown(name))
+            raise ParameterError(unknown(name))
     try:
         return Parameters(**values)
     except ValidationError as error:
@@ -89,7 +90,10 @@ def _toml(text: str, name: str) -> dict[str, Any]:
         raise ParameterError(f"profile {name!r} is not valid TOML: {error}") from None
 
 
-def _unknown(name: str) -> str:
+def unknown(name: str) -> str:
+    """Return the refusal of a name that is none of a parameter, with the one that was probably meant."""
+    if name in RENAMED:
+        return f"parameter {name!r} is called {RENAMED[name]!r} now"
     near = difflib.get_close_matches(name, Parameters.model_fields, 1)
     hint = f"did you mean {near[0]!r}?" if near else "'slz params' lists them all"
     return f"parameter {name!r} is unknown: {hint}"

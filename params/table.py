@@ -131,8 +131,15 @@ class Parameters(BaseModel):
             "Empty vertical gap that sets a few points apart as outliers (default mode).",
         ),
     ] = 5.0
-    max_slope_deg: Annotated[
-        float, _in(5, 90), Spec("SLZ_MAX_SLOPE", "deg", PAPER, "Slope that stands for 'worst case'.")
+    worst_slope_deg: Annotated[
+        float,
+        _in(5, 90),
+        Spec(
+            "SLZ_WORST_SLOPE",
+            "deg",
+            PAPER,
+            "Slope of unseen ground in source mode, which writes only slopes below it.",
+        ),
     ] = 40.0
     safe_slope_deg: Annotated[
         float, _in(0.5, 45), Spec("SLZ_SAFE_SLOPE", "deg", PAPER, "A safe cell slopes less than this.")
@@ -687,7 +694,7 @@ class Parameters(BaseModel):
             ("dust_height_m", "final_height_m"),
             ("cell_m", "min_square_m"),
             ("cell_m", "zone_m"),
-            ("safe_slope_deg", "max_slope_deg"),
+            ("safe_slope_deg", "worst_slope_deg"),
             ("min_square_m", "zone_m"),
             ("hold_s", "max_age_s"),
         ):

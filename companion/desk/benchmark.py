@@ -53,7 +53,7 @@ class Case:
         if self.mode == "source":
             own |= {
                 "safe_slope_deg": SAFE_SLOPE_DEG,
-                "max_slope_deg": WORST_SLOPE_DEG,
+                "worst_slope_deg": WORST_SLOPE_DEG,
                 "repeat_depth": 100_000,
             }
         return params.load("quadcopter", [f"{name}={value}" for name, value in own.items()])

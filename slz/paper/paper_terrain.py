@@ -55,7 +55,8 @@ class PaperTerrain:
             )
         self.grid = grid
         self._parameters = parameters
-        self._worst, self._limit = np.float32(parameters.max_slope_deg), np.float32(parameters.safe_slope_deg)
+        self._worst = np.float32(parameters.worst_slope_deg)
+        self._limit = np.float32(parameters.safe_slope_deg)
         words = (grid.cols + 63) // 64 + 1
         self.heights, self.slopes, self.roughs = (
             demand_zeros((words, grid.rows, 64), np.float32) for _ in "hsr"
@@ -132,8 +133,7 @@ class PaperTerrain:
         mine, theirs = overlap(self.grid, grid)
         if theirs.empty:
             return new
-        p = self._parameters
-        for name, empty in (("heights", np.nan), ("slopes", p.max_slope_deg), ("roughs", p.max_slope_deg)):
+        for name, empty in (("heights", math.nan), ("slopes", self._worst), ("roughs", self._worst)):
             part = np.where(self._begun_cells(mine), _read(getattr(self, name), mine), np.float32(empty))
             _write(getattr(new, name), theirs, part, np.float32(empty))
         words = _words(theirs)
@@ -231,12 +231,12 @@ class PaperTerrain:
     @property
     def slope_deg(self) -> NDArray[np.float32]:
         """The total slope map, the worst case where nothing was written."""
-        return self._whole(self.slopes, self._parameters.max_slope_deg)
+        return self._whole(self.slopes, self._parameters.worst_slope_deg)
 
     @property
     def roughness(self) -> NDArray[np.float32]:
         """The total roughness map, the worst case where nothing was written."""
-        return self._whole(self.roughs, self._parameters.max_slope_deg)
+        return self._whole(self.roughs, self._parameters.worst_slope_deg)
 
     @property
     def binary(self) -> NDArray[np.uint8]:

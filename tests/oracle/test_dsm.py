@@ -67,7 +67,7 @@ SIDE, MAX_SLOPE = 10, 40.0
 
 
 def terrain(fusing: str) -> PaperTerrain:
-    own = ["mode=source", f"fusing={fusing}", "cell_m=1", f"max_slope_deg={MAX_SLOPE}", "safe_slope_deg=4"]
+    own = ["mode=source", f"fusing={fusing}", "cell_m=1", f"worst_slope_deg={MAX_SLOPE}", "safe_slope_deg=4"]
     return PaperTerrain(Grid(0.0, 0.0, 1.0, SIDE, SIDE), params.load("quadcopter", own))
 
 

@@ -31,7 +31,7 @@ def places(cell_m: float) -> tuple[Floats, Floats]:
 def maps_of(height_m: Floats, cell_m: float) -> tuple[Floats, Floats]:
     """Return slope and roughness of a surface with one return in the middle of every cell."""
     rows, cols = height_m.shape
-    own = ["mode=source", "fusing=mean", f"cell_m={cell_m}", "max_slope_deg=89", "safe_slope_deg=4"]
+    own = ["mode=source", "fusing=mean", f"cell_m={cell_m}", "worst_slope_deg=89", "safe_slope_deg=4"]
     terrain = PaperTerrain(Grid(0.0, 0.0, cell_m, rows, cols), params.load("quadcopter", own))
     north, east = (np.mgrid[:rows, :cols] + 0.5) * cell_m
     terrain.add(np.column_stack([east.ravel(), north.ravel(), height_m.ravel()]))

@@ -39,7 +39,7 @@ def cloud() -> NDArray[np.float64]:
 
 
 def source() -> PaperTerrain:
-    own = ["mode=source", f"cell_m={CELL_M}", f"max_slope_deg={WORST_DEG}", "safe_slope_deg=4"]
+    own = ["mode=source", f"cell_m={CELL_M}", f"worst_slope_deg={WORST_DEG}", "safe_slope_deg=4"]
     terrain = PaperTerrain(GRID, params.load("quadcopter", own))
     terrain.add(cloud())
     return terrain

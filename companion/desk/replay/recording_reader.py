@@ -121,7 +121,8 @@ class RecordingReader:
     def _header(self, metadata: dict[str, str]) -> Header:
         try:
             version = int(metadata["version"])
-            values = json.loads(metadata["parameters"])
+            stored = json.loads(metadata["parameters"])
+            values = {params.RENAMED.get(name, name): value for name, value in stored.items()}
             lidar_metadata = metadata.get("lidar_setup", "")
             scans = int(metadata.get("scans", "0"))
             system, remembered = (int(metadata.get(name) or 0) or None for name in ("system", "remembered"))
@@ -139,7 +140,7 @@ class RecordingReader:
             params.build(values)
         except ParameterError as error:
             raise UsageError(f"{self._path}: {error}") from None
-        except (KeyError, TypeError, ValueError) as error:
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
             raise UsageError(f"{self._path}: its metadata cannot be read: {error!r}") from None
         if version != journal.VERSION:
             raise UsageError(f"{self._path} is of version {version}, this program reads {journal.VERSION}")

@@ -34,9 +34,9 @@ def slope_errors(
     for slope in SLOPES_DEG:
         cloud = _plane(slope, density_per_m2, noise_m, seed)
         gradient = _slopes(
-            cloud, [f"cell_m={cell_m}", "mode=source", "max_slope_deg=89", "safe_slope_deg=45"]
+            cloud, [f"cell_m={cell_m}", "mode=source", "worst_slope_deg=89", "safe_slope_deg=45"]
         )
-        plane = _slopes(cloud, [f"cell_m={cell_m}", "max_slope_deg=89", "safe_slope_deg=45", "relief_m=5"])
+        plane = _slopes(cloud, [f"cell_m={cell_m}", "worst_slope_deg=89", "safe_slope_deg=45", "relief_m=5"])
         found.append(SlopeError(slope, *_rms(gradient, slope), *_rms(plane, slope)))
     return found
 

@@ -19,6 +19,7 @@ from companion.flight.dashboard.browser_orders import (
 from companion.flight.flight_view import FlightView
 from companion.flight.landing.operator_order import Order, OrderKind
 from companion.flight.landing.situation import Reply
+from params import unknown
 
 SIMPLE = {
     "abort": OrderKind.ABORT,
@@ -79,6 +80,6 @@ class FlightOrderHandler:
     def _set(self, order: SetParameter) -> Reply:
         settings = self._flight.settings
         if all(row.name != order.name for row in settings.rows):
-            return Reply(False, f"no parameter {order.name}")
+            return Reply(False, unknown(order.name))
         change = settings.change(order.name, order.value)
         return Reply(change.accepted, change.reason or "unchanged")

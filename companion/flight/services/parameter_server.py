@@ -17,7 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.services.settings import Change
 from companion.runtime.event import Event
-from params import Row, allowed
+from params import RENAMED, Row, allowed
 
 # Interval of a list: four seconds for all parameters, a tenth of the rate of a 57600 baud radio.
 LIST_INTERVAL_NS = 50_000_000
@@ -50,7 +50,7 @@ class ParameterServer:
     changed, refused
         Counts of changes and of refusals.
     on_change_result
-        Event (text, accepted) of a change, for the pilot's screen.
+        Event (text, accepted) of a change or of an old name, for the pilot's screen.
     """
 
     def __init__(self, *holders: ParameterHolder) -> None:
@@ -84,6 +84,9 @@ class ParameterServer:
             return []  # the index refers to another component's table
         index = message.param_index if by_index else self._index.get(message.param_id, -1)
         if not 0 <= index < len(self._rows):
+            if new := RENAMED.get(message.param_id):
+                text = f"SLZ: {message.param_id} is {new} now"
+                self.on_change_result.emit(text, False)
             fault = mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST
             return [self._error(message, fault)] if for_us_alone else []
         return [self._value(index)] if kind == "PARAM_REQUEST_READ" else self._set(index, message)

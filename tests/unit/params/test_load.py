@@ -12,7 +12,7 @@ def test_helicopter_profile_has_the_values_of_the_sources() -> None:
     heli = params.load("helicopter")
     table = {
         "window_s": 1.0,
-        "max_slope_deg": 40,
+        "worst_slope_deg": 40,
         "safe_slope_deg": 4,
         "histogram_bins": 300,
         "histogram_threshold": 0.9,
@@ -59,6 +59,8 @@ def test_later_settings_win_and_mavlink_names_work() -> None:
         ("histogram_bins=2.5", ["histogram_bins", "whole number"]),
         ("fusing=median", ["fusing", "mean or max"]),
         ("cel_m=1", ["'cel_m'", "did you mean 'cell_m'"]),
+        ("max_slope_deg=30", ["'max_slope_deg' is called 'worst_slope_deg' now"]),
+        ("SLZ_MAX_SLOPE=30", ["'SLZ_MAX_SLOPE' is called 'SLZ_WORST_SLOPE' now"]),
         ("cell_m", ["name=value"]),
         ("lidar_min_m=90", ["lidar_min_m", "lidar_max_m"]),
     ],
@@ -84,6 +86,7 @@ def test_file_starts_from_the_profile_it_names(tmp_path: Path) -> None:
     [
         ("cell_m = ", "TOML"),
         ("cel_m = 1.0", "did you mean"),
+        ("max_slope_deg = 30", "'worst_slope_deg' now"),
         ('profile = "plane"', "plane"),
         ("cell_m = 99", "99"),
         ("cell_m = true", "cell_m = True is refused: it must be a number from 0.05 to 50 m"),

@@ -130,7 +130,7 @@ def test_noise_stays_in_the_source_s_mean_and_averages_out_by_default() -> None:
     """Twenty windows of 5 cm noise, one return a cell: the source's mean keeps 5 cm / sqrt(3)."""
     rng = np.random.default_rng(2)
     clouds = [returns(rng.normal(0, 0.05, (40, 40)), 1.0) for _ in range(20)]
-    source, default = both("hold_s=60", "max_slope_deg=89")
+    source, default = both("hold_s=60", "worst_slope_deg=89")
     for pipe, expected in ((source, 0.05 / np.sqrt(3)), (default, 0.05 / np.sqrt(20))):
         fly(pipe, *clouds)
         spread = float(np.std(maps(pipe).height_m[2:-2, 2:-2]))

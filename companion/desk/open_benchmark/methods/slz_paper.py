@@ -49,7 +49,7 @@ class SlzPaper:
             "zone_m": max(side, LEAST_ZONE_M),
             "min_square_m": 2 * self.cell_m,
             "safe_slope_deg": task.slope_limit_deg,
-            "max_slope_deg": 40.0,
+            "worst_slope_deg": 40.0,
         }
         maps = final_maps(params.load("quadcopter", [f"{k}={v}" for k, v in own.items()]), returns, task)
         if maps is None:

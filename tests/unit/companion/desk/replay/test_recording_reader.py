@@ -72,6 +72,7 @@ def test_what_is_no_recording_is_one_clear_line(tmp_path: Path, content: bytes) 
         ({"version": "2"}, "version 2"),
         ({"version": "x"}, "metadata"),
         ({"parameters": "{"}, "metadata"),
+        ({"parameters": "[1]"}, "metadata"),
         ({"parameters": '{"cell_m": -1}'}, "cell_m"),
         ({"clock_offset_ns": ""}, "metadata"),
     ],
@@ -83,6 +84,13 @@ def test_metadata_that_cannot_be_used_is_one_clear_line(
     McapWriter(path, foxglove_scene.channels, MIB, METADATA | changed).close()
     with pytest.raises(UsageError, match=says):
         RecordingReader(path)
+
+
+def test_an_old_name_of_a_parameter_in_a_recording_is_read_as_today_s(tmp_path: Path) -> None:
+    path = tmp_path / "a.mcap"
+    old = METADATA | {"parameters": '{"max_slope_deg": 30}'}
+    McapWriter(path, foxglove_scene.channels, MIB, old).close()
+    assert RecordingReader(path).header.parameters().worst_slope_deg == 30
 
 
 def test_a_recording_keeps_the_sensor_s_description_and_older_ones_have_none(tmp_path: Path) -> None:

@@ -126,6 +126,7 @@ async def test_parameters_are_set_by_the_rules_of_the_parameter_server() -> None
         assert not (await s.order(do="set", name="survey_s", value=1e9)).accepted
         assert not (await s.order(do="set", name="survey_s", value="soon")).accepted
         assert not (await s.order(do="set", name="model_config", value=1)).accepted
+        assert "'worst_slope_deg'" in (await s.order(do="set", name="max_slope_deg", value=30)).reason
         assert s.companion.parameters.survey_s == 9
 
 

@@ -139,6 +139,13 @@ def test_an_unknown_parameter_is_an_error_if_we_alone_were_asked() -> None:
     assert desk.set("WPNAV_SPEED", 1, to=(1, 0)) == desk.read(index=3, to=(1, 0)) == []
 
 
+def test_an_old_name_is_refused_with_today_s() -> None:
+    desk = Desk()
+    for answer in (desk.set("SLZ_MAX_SLOPE", 30), desk.read("SLZ_MAX_SLOPE")):
+        assert kinds(answer) == ["PARAM_ERROR"]
+    assert desk.texts == [("SLZ: SLZ_MAX_SLOPE is SLZ_WORST_SLOPE now", False)] * 2
+
+
 def test_setting_what_is_already_set_tells_nothing_and_writes_nothing() -> None:
     desk = Desk()
     assert kinds(desk.set("SLZ_MIN_CERT", struct.unpack("<f", struct.pack("<f", 0.86))[0])) == ["PARAM_VALUE"]
