@@ -196,6 +196,7 @@ class OusterDecoder:
             azimuth_deg=form.azimuth_deg,
             lines=form.rows,
             near_m=NEAR_M,
+            described=True,
             destination=form.destination,
         )
 

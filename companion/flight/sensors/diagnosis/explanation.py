@@ -17,6 +17,7 @@ NETWORK = "use a wired network of its own with 1 Gbit/s, and check plugs and cab
 BUFFER = "run `sysctl -w net.core.rmem_max=8388608` and give the program more of the processor"
 MASTER = "give sensor and computer one master (ptp4l and phc2sys, or chrony by GPS), or set lidar_clock=free"
 GPRMC = "check the PPS wire and the GPRMC sentence: 1 Hz, whole seconds, valid checksum; or disconnect both"
+REFETCH = "fetch its metadata again"
 CLEAN = "clean the window; if a part of the vehicle is so near, move it or the sensor"
 
 
@@ -65,14 +66,14 @@ def silent(bound: str = ANY) -> Explanation:
     )
 
 
-def elsewhere(address: str) -> Explanation:
-    """The sensor is alive, but sends to another host or group."""
+def elsewhere(address: str, described: bool = False) -> Explanation:
+    """The sensor is alive, but sends to another host or group; described: by its metadata."""
     group = f", or receive from its group (--lidar KIND:{address}:PORT)" if is_multicast(address) else ""
+    by = f"udp_dest{group}, and {REFETCH}" if described else f"`?sensor=` in --lidar sets a Mid-360's{group}"
     return Explanation(
         "LiDAR sends elsewhere: set its host address",
         f"the LiDAR is there, but sends to {address}",
-        "set the sensor's destination to this computer's address (Livox: `?sensor=` in --lidar; Ouster:"
-        f" udp_dest){group}, and fetch an Ouster's metadata again",
+        f"set the sensor's destination to this computer's address: {by}",
         "fail",
     )
 
@@ -133,17 +134,21 @@ def other_maker(undecoded: str = "") -> Explanation:
     )
 
 
-def not_as_described(undecoded: str = "") -> Explanation:
-    """Packets of this maker, but not of this model or setting; undecoded: the model without a decoder."""
+def not_as_described(undecoded: str = "", described: bool = False) -> Explanation:
+    """Packets of this maker, but not of this model or setting.
+
+    undecoded: the model without a decoder. described: its metadata say the setting.
+    """
     return Explanation(
-        "LiDAR packets do not fit: model or metadata",
+        "LiDAR packets do not fit: model or setting",
         f"what arrives are packets of {undecoded}"
         if undecoded
         else "packets of this maker arrive, but not of this model, firmware or setting",
         f"there is no decoder for it: {WAY}"
         if undecoded
-        else "Ouster: fetch the metadata again after each change of its settings; others: see which models"
-        " docs/sensors.md lists",
+        else f"{REFETCH} after each change of its settings"
+        if described
+        else "see which models and settings docs/sensors.md lists",
         "fail",
     )
 
@@ -221,13 +226,13 @@ def full_buffer(share: float) -> Explanation:
     )
 
 
-def low_rate(share: float) -> Explanation:
-    """The sensor sends less than it says."""
+def low_rate(share: float, described: bool = False) -> Explanation:
+    """The sensor sends less than it says; described: in its metadata."""
+    again = f" ({REFETCH})" if described else ""
     return Explanation(
         f"LiDAR sends only {100 * share:.0f} % of its rate",
         f"the LiDAR sends {100 * share:.0f} % of the rate that it states, and no packet is missing",
-        "set its frame rate and mode as stated (Ouster: fetch the metadata again), and see that it is not"
-        " hot or in a power-saving mode",
+        f"set its frame rate and mode as stated{again}, and see that it is not hot or in a power-saving mode",
     )
 
 

@@ -136,6 +136,7 @@ class LidarDiagnosis:
     ) -> None:
         self._reference, self._signs, self._clock = reference, signs, clock
         self._statistics = statistics
+        self._described = signs is not None and signs.described
         self._picture = Picture(0.0 if signs is None else signs.near_m)
         self._usual: NDArray[np.float64] = np.zeros(SECTORS)
         self._close = CloseReturns()
@@ -262,7 +263,7 @@ class LidarDiagnosis:
         if look.wrong_sensor:
             return "other_maker", explain.other_maker(self.undecoded)
         if look.unfit:
-            return "not_as_described", explain.not_as_described(self.undecoded)
+            return "not_as_described", explain.not_as_described(self.undecoded, self._described)
         if look.spoilt:
             return "spoilt", explain.spoilt(1.0)
         if now_ns - self._imu_at_ns < SILENT_NS:
@@ -273,11 +274,11 @@ class LidarDiagnosis:
             return "refusal", explain.refusal(around.refused)
         if around.answers:
             return "firewall", explain.firewall()
-        destination = "" if self._signs is None else self._signs.destination
+        destination = self._signs.destination if self._signs else ""
         if destination and not is_ours(destination, around.bound):
-            return "elsewhere", explain.elsewhere(destination)
+            return "elsewhere", explain.elsewhere(destination, self._described)
         if around.present:
-            return "elsewhere", explain.elsewhere("another host or port")
+            return "elsewhere", explain.elsewhere("another host or port", self._described)
         return "silent", explain.silent(around.bound)
 
     def _why_poor(self, look: StreamLook, now_ns: int) -> dict[str, Explanation]:
@@ -287,7 +288,7 @@ class LidarDiagnosis:
         if look.wrong_sensor >= LEAST_SPOILT:
             shown["other_maker"] = explain.other_maker(self.undecoded)
         if look.unfit >= LEAST_SPOILT and not look.packets:
-            shown["not_as_described"] = explain.not_as_described(self.undecoded)
+            shown["not_as_described"] = explain.not_as_described(self.undecoded, self._described)
         elif look.spoilt - look.wrong_sensor >= max(LEAST_SPOILT, SPOILT_SHARE * arrived):
             shown["spoilt"] = explain.spoilt(look.spoilt / arrived)
         if look.foreign >= LEAST_SPOILT:
@@ -309,7 +310,7 @@ class LidarDiagnosis:
         span_ns = look.at_ns
         flows = all(later.packets > earlier.packets for earlier, later in pairwise(self._looks))
         if flows and look.covered_ns < LOW_RATE * span_ns and look.lost_share < (1 - LOW_RATE) / 2:
-            shown["low_rate"] = explain.low_rate(look.covered_ns / span_ns)
+            shown["low_rate"] = explain.low_rate(look.covered_ns / span_ns, self._described)
         self._close.add(look)
         found = (
             ("missing_sector", picture_faults.missing_sector(look, self._signs)),

@@ -26,8 +26,10 @@ class PacketSigns:
         Source of the stamps: 'free', 'ptp' or 'gps'; empty where packets do not tell.
     pulse
         What is wrong with the pulse of a GPS receiver, empty if nothing or unknown.
+    described
+        Whether the packets are read by metadata of the sensor (Ouster).
     destination
-        Host to which the sensor's metadata says that it sends, empty where unknown.
+        Host to which that metadata says that it sends, empty where unknown.
     """
 
     covered_ns: int = 0
@@ -37,6 +39,7 @@ class PacketSigns:
     near_m: float = 0.3
     clock: str = ""
     pulse: str = ""
+    described: bool = False
     destination: str = ""
 
 

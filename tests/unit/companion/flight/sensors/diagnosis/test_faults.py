@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+import re
 
 import pytest
 
@@ -101,12 +102,17 @@ def bench_rng() -> stream_faults.np.random.Generator:
     return stream_faults.np.random.default_rng(9)
 
 
-def explanations() -> list[Explanation]:
+def explanations(described: bool, undecoded: str = "a Hesai LiDAR PandarXT-32") -> list[Explanation]:
     """Return one of each, with its longest numbers."""
-    longest = {"address": "192.168.100.100", "rows": [100, 101, 102, 103], "state": "GPRMC not valid"}
+    longest = {
+        "described": described,
+        "address": "192.168.100.100",
+        "rows": [100, 101, 102, 103],
+        "state": "GPRMC not valid",
+    }
     longest |= {
         "bound": "192.168.100.100",
-        "undecoded": "a Hesai LiDAR PandarXT-32",
+        "undecoded": undecoded,
         "source": "PTP",
         "why": "the LiDAR refuses parameter 0x0006 (code 32)",
     }
@@ -129,10 +135,16 @@ def explanations() -> list[Explanation]:
 
 
 def test_each_explanation_fits_a_statustext_and_has_a_remedy() -> None:
-    made = explanations()
-    assert len(made) > 20
+    made = [*explanations(described=False), *explanations(described=True)]
+    assert len(made) > 40
     for one in made:
         assert len(f"SLZ: {one.text}") <= 50, one.text
         assert one.text.isascii()
         assert one.remedy
         assert one.line == f"{one.sentence}: {one.remedy}"
+
+
+def test_metadata_are_named_to_those_whose_sensor_has_them() -> None:
+    told = [one.line for one in explanations(described=False, undecoded="")]
+    assert not [line for line in told if re.search("metadata|Ouster|udp_dest", line)]
+    assert sum("metadata" in one.line for one in explanations(described=True, undecoded="")) == 3
