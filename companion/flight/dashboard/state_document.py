@@ -36,7 +36,7 @@ def state(flight: FlightView) -> dict[str, Any]:
     low = s.battery_pct is not None and 0 < parameters.battery_land_pct >= s.battery_pct
     document = {
         "at_ns": s.now_ns,
-        "phase": executive.phase.value,
+        "phase": outlook.phase.value,
         "doing": outlook.doing,
         "abort_does": outlook.abort,
         "flying": executive.phase in COMMANDING,

@@ -13,39 +13,46 @@ NEAR_M = 1.0  # of a height: reached
 
 @dataclass(frozen=True, slots=True)
 class Outlook:
-    """doing: what the vehicle does and what follows. abort: what an abort would do, "" for nothing."""
+    """doing: what the vehicle does and what follows. abort: what an abort would do, "" for nothing.
 
+    phase: in one word; a hold is a climb while it still climbs.
+    """
+
+    phase: Phase
     doing: str = ""
     abort: str = ""
 
 
 def outlook(state: LandingState, s: Situation) -> Outlook:
     """Return what the vehicle does now, what follows, and what an abort does."""
-    if state.phase not in COMMANDING:
-        flies_alone = state.phase is Phase.FAILSAFE
-        return Outlook(f"{s.mode or 'the autopilot'} flies by itself, no commands" if flies_alone else "")
+    phase = state.phase
+    if phase not in COMMANDING:
+        alone = f"{s.mode or 'the autopilot'} flies by itself, no commands"
+        return Outlook(phase, alone if phase is Phase.FAILSAFE else "")
     p, aim = state.parameters, state.aim
     left_m, commit = max(0.0, aim.height_left_m), f"no abort below {state.parameters.commit_height_m:g} m"
     rise_m = 0.0 if s.position_enu_m is None else state.route.height_m - float(s.position_enu_m[2])
     climbs = math.isfinite(rise_m) and rise_m > NEAR_M
     abort = f"climbs {rise_m:.0f} m, then holds" if climbs else "holds here"
-    match state.phase:
+    match phase:
         case Phase.SURVEY if not s.guided:
-            return Outlook("emergency: takes over next", "cancels the emergency")
+            return Outlook(phase, "emergency: takes over next", "cancels the emergency")
         case Phase.SURVEY:
-            return Outlook("surveying, then flies to a zone", abort)
+            return Outlook(phase, "surveying, then flies to a zone", abort)
         case Phase.APPROACH:
             away = f"{aim.away_m:.0f} m " if math.isfinite(aim.away_m) else ""
-            return Outlook(f"{away}to the point, then descends", abort)
+            return Outlook(phase, f"{away}to the point, then descends", abort)
         case Phase.DESCEND:
             sinks_s = max(0.0, left_m - p.final_height_m) / p.descent_speed_ms
             lands_s = sinks_s + min(left_m, p.final_height_m) / LANDING_MS
             times = f"LAND in {sinks_s:.0f} s, touchdown in {lands_s:.0f} s"
-            return Outlook(f"descending: {times}; {commit}", abort)
+            return Outlook(phase, f"descending: {times}; {commit}", abort)
         case Phase.FINAL if left_m < p.commit_height_m:
-            return Outlook("landing: too low to abort", "too low")
+            return Outlook(phase, "landing: too low to abort", "too low")
         case Phase.FINAL:
-            return Outlook(f"landing: touchdown in {left_m / LANDING_MS:.0f} s; {commit}", abort)
+            return Outlook(phase, f"landing: touchdown in {left_m / LANDING_MS:.0f} s; {commit}", abort)
         case _:
-            after = "holds for an order" if state.phase is Phase.HOLD else "chooses again"
-            return Outlook(f"climbing {rise_m:.0f} m, then {after}" if climbs else after, abort)
+            after = "holds for an order" if phase is Phase.HOLD else "chooses again"
+            if climbs:
+                return Outlook(Phase.CLIMB, f"climbing {rise_m:.0f} m, then {after}", abort)
+            return Outlook(phase, after, abort)

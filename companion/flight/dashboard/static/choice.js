@@ -120,7 +120,7 @@ export class Choice {
     if (!state.armed || state.on_ground) return "";
     if (this._model.isPast("map")) return `${state.blind}: nothing is judged now, last ${this._model.since("map")}.`;
     if (!state.guided && this._model.near().length) return "To land, hand over first: guided flight mode.";
-    return point?.state === "unsafe" ? "The landing point is unsafe: select another." : state.doing;
+    return [point?.state === "unsafe" ? "The landing point is unsafe: select another." : "", state.doing].filter(Boolean).join(" Now: ");
   }
 
   _descending() {

@@ -36,10 +36,12 @@ def test_after_an_abort_low_down_it_climbs_and_then_holds() -> None:
     flight.executive.abort(flight.situation())
     words = told(flight)
     assert flight.executive.phase is Phase.HOLD
+    assert flight.executive.outlook(flight.situation()).phase is Phase.CLIMB
     assert re.fullmatch(r"climbing \d+ m, then holds for an order", words[0])
     for _ in range(300):
         flight.step()
     assert told(flight) == ("holds for an order", "holds here")
+    assert flight.executive.outlook(flight.situation()).phase is Phase.HOLD
 
 
 def test_nothing_is_told_on_the_ground_and_the_autopilot_s_own_mode_when_it_flies() -> None:
