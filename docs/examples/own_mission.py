@@ -69,7 +69,7 @@ async def zones(page: str, at_least: float, limit_s: float = 120) -> list[dict[s
             with contextlib.suppress(OSError):  # not up yet
                 found = await asyncio.to_thread(fetch, f"{page}/api/zones.geojson")
                 near = [f["properties"] for f in found["features"] if f["properties"]["map"] == "near"]
-                if sure := [zone for zone in near if zone["certainty"] >= at_least]:
+                if not found["past"] and (sure := [z for z in near if z["certainty"] >= at_least]):
                     return sure
             await asyncio.sleep(1)
 

@@ -6,9 +6,12 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from companion.flight.dashboard.freshness import MAP
+from companion.flight.dashboard.freshness import MAP, NEVER
 
 TITLE = "slz"
+PAST = (
+    "Silent sources (autopilot, position, map): s since their last word, null for never; empty: all is live."
+)
 DESCRIPTION = (
     "What the landing companion knows. Read only: orders go through the page or MAVLink. Positions are metres"
     " east, north and up of the map's origin, or WGS-84 degrees in GeoJSON."
@@ -85,6 +88,7 @@ class Status(BaseModel):
     origin: Origin | None
     selected: Point | None
     alarms: list[Alarm]
+    past: dict[str, float | None] = Field(description=PAST)
 
 
 class Geometry(BaseModel):
@@ -113,6 +117,7 @@ class Zones(BaseModel):
     """Zones of the newest report, near map first, each map in its ranking."""
 
     type: Literal["FeatureCollection"]
+    past: dict[str, float | None] = Field(description=PAST)
     features: list[Feature]
 
 
@@ -140,6 +145,7 @@ class Hazards(BaseModel):
     """Wires of the newest report, and what moves now."""
 
     type: Literal["FeatureCollection"]
+    past: dict[str, float | None] = Field(description=PAST)
     features: list[Hazard]
 
 
@@ -150,7 +156,8 @@ def status(
     s, p = state or {}, picture or {}
     lat, lon, alt = p.get("frame", (None, None, None))
     known = s.get("east_m") is not None
-    judged = {"state": "unknown", "certainty": None} if MAP in s.get("past", {MAP: None}) else {}
+    past = s.get("past", NEVER)
+    judged = {"state": "unknown", "certainty": None} if MAP in past else {}
     return Status(
         phase=s.get("phase"),
         mode=s.get("mode"),
@@ -167,4 +174,5 @@ def status(
         origin=None if lat is None else Origin(lat_deg=lat, lon_deg=lon, alt_m=alt),
         selected=None if p.get("selected") is None else Point(**p["selected"] | judged),
         alarms=[Alarm.model_validate(alarm) for alarm in alarms],
+        past=dict(past),
     )

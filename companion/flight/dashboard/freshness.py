@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 AUTOPILOT, POSITION, MAP = "autopilot", "position", "map"
+NEVER: Mapping[str, float | None] = dict.fromkeys((AUTOPILOT, POSITION, MAP))
 # Fields of the state that are told by a source, or computed from what it tells. The others are the
 # companion's own, which are as old as the document.
 FIELDS: Mapping[str, tuple[str, ...]] = {

@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 from companion.flight.dashboard.alarms import active_alarms
 from companion.flight.dashboard.board import Board
 from companion.flight.dashboard.browser_orders import Command, Facts
+from companion.flight.dashboard.freshness import NEVER
 from companion.flight.dashboard.security.token_check import TokenCheck
 from companion.flight.dashboard.tile_pyramid import LEVELS, TilePyramids
 from companion.flight.dashboard.zone_shapes import ZoneShapes
@@ -78,7 +79,7 @@ class Site:
         self._carry_out = carry_out
         self._shapes = ZoneShapes()
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-page-encoder")
-        self._collection: tuple[int, bytes] = (-1, b"")
+        self._collection: tuple[object, bytes] = (None, b"")
         self._sources: dict[str, Any] = {}
         self._shown: tuple[Any, Any] = (None, None)
         self._ticked_s: deque[float] = deque(maxlen=TICKS_KEPT)
@@ -149,8 +150,9 @@ class Site:
     async def collection(self) -> bytes:
         """Return the zones of the newest report as GeoJSON."""
         number, report = self.board.report_number, self.board.report
-        if self._collection[0] != number:
-            self._collection = number, await self.in_thread(_collection, report)
+        now = number, self._past()
+        if self._collection[0] != now:
+            self._collection = now, await self.in_thread(_collection, now[1], report)
         return self._collection[1]
 
     async def hazards(self) -> bytes:
@@ -163,7 +165,11 @@ class Site:
                 hazard_features, report.wires, () if state is None else state["moving"] or (), report.frame
             )
         )
-        return json.dumps({"type": "FeatureCollection", "features": features}).encode()
+        return _geojson(self._past(), features)
+
+    def _past(self) -> dict[str, float | None]:
+        """Return which sources are silent, and for how long."""
+        return dict(NEVER) if self.board.state is None else self.board.state["past"]
 
     # ---- requests -------------------------------------------------------------------------------
 
@@ -201,7 +207,11 @@ class Site:
         self._thread.shutdown(wait=False, cancel_futures=True)
 
 
-def _collection(report: Any) -> bytes:
+def _geojson(past: dict[str, float | None], features: list[Any]) -> bytes:
+    return json.dumps({"type": "FeatureCollection", "past": past, "features": features}).encode()
+
+
+def _collection(past: dict[str, float | None], report: Any) -> bytes:
     features = []
     for name in () if report is None else ("near", "far"):
         part = getattr(report, name)
@@ -209,4 +219,4 @@ def _collection(report: Any) -> bytes:
             feature = zone_feature(zone, part.grid, report.frame)
             feature["properties"]["map"] = name
             features.append(feature)
-    return json.dumps({"type": "FeatureCollection", "features": features}).encode()
+    return _geojson(past, features)

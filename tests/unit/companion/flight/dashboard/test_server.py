@@ -461,6 +461,10 @@ async def test_the_api_says_what_its_description_promises() -> None:
         found = json.loads((await s.http("/api/zones.geojson"))[1])
         assert [feature["properties"]["map"] for feature in found["features"]] == ["near"]
         assert "application/geo+json" in s.head
+        assert found["past"] == {}
+        s.board.state = {**(s.board.state or {}), "moving": None, "past": {"map": 61.5}}
+        for name in ("zones", "hazards"):
+            assert json.loads((await s.http(f"/api/{name}.geojson"))[1])["past"] == {"map": 61.5}
         spec = json.loads((await s.http("/api/openapi.json"))[1])
         assert set(spec["paths"]) == {"/api/status", "/api/zones.geojson", "/api/hazards.geojson"}
         assert spec["paths"]["/api/zones.geojson"]["get"]["responses"]["200"]["content"]
