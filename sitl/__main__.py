@@ -9,6 +9,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from sitl import faults, intruders, scenes
 from sitl.attached import attach
@@ -51,6 +52,14 @@ RANGES = {
 
 
 class _Parser(argparse.ArgumentParser):
+    """Parser whose help states the default of each option, and whose errors are ours."""
+
+    def add_argument(self, *names: str, **given: Any) -> argparse.Action:
+        if (default := given.get("default")) not in (None, [], argparse.SUPPRESS):
+            shown = f"{default:g}" if isinstance(default, float) else default
+            given["help"] = f"{given['help']} [default: {shown}]"
+        return super().add_argument(*names, **given)
+
     def error(self, message: str) -> None:  # type: ignore[override]
         raise _UsageError(message)
 
@@ -140,9 +149,10 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         "--origin",
         default=None,
         metavar="LAT,LON,ALT",
-        help="where the scene lies; default with --autopilot: its home there",
+        help=f"where the scene lies [default: {','.join(map(str, DEFAULT_ORIGIN))}; "
+        "with --autopilot its home]",
     )
-    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seed", type=int, default=1, help="of scene, wind and noise")
     parser.add_argument(
         "--lidar",
         default="mid360",
@@ -155,7 +165,8 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         "--lidar-to",
         default=None,
         metavar="HOST:PORT|DEVICE",
-        help="default: 127.0.0.1 and the sensor's own port; for sf45 a pseudo-terminal, told at the start",
+        help="where its packets go [default: 127.0.0.1 and the sensor's own port; "
+        "for sf45 a pseudo-terminal, told at the start]",
     )
     parser.add_argument(
         "--radar-to", default=None, metavar="HOST:PORT", help="an interferometric radar beside the LiDAR"
@@ -176,7 +187,10 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--air", default="clear", choices=tuple(AIR), help="what floats in the air")
     parser.add_argument("--point-rate", type=float, default=200_000.0, help="LiDAR points per second")
     parser.add_argument(
-        "--mavlink", action="append", metavar="URL", help="repeatable; tcpin:, udpin:, udpout: or a device"
+        "--mavlink",
+        action="append",
+        metavar="URL",
+        help=f"repeatable; tcpin:, udpin:, udpout: or a device [default: {' and '.join(DEFAULT_MAVLINK)}]",
     )
     parser.add_argument(
         "--autopilot",
@@ -186,11 +200,20 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument(
         "--mavlink-key", type=Path, default=None, metavar="FILE", help="sign all MAVLink with this key"
     )
-    parser.add_argument("--lockstep", type=int, default=None, metavar="PORT", help="0 takes a free port")
     parser.add_argument(
-        "--speedup", type=float, default=None, help="times real time; 0 is as fast as possible"
+        "--lockstep",
+        type=int,
+        default=None,
+        metavar="PORT",
+        help="a client sets the pace; 0 takes a free port",
     )
-    parser.add_argument("--pilot", default="none", choices=("none", "takeoff"))
+    parser.add_argument(
+        "--speedup",
+        type=float,
+        default=None,
+        help="times real time; 0 is as fast as possible [default: 1; with --lockstep 0]",
+    )
+    parser.add_argument("--pilot", default="none", choices=("none", "takeoff"), help="who arms and takes off")
     parser.add_argument(
         "--airframe", default="multirotor", choices=[kind.name.lower() for kind in Kind],
         help="what the messages say it is; a fixed wing flies straight on at 9.6 m/s after its take-off",
@@ -198,10 +221,18 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     parser.add_argument("--takeoff-alt", type=float, default=30.0, help="m above home")
     parser.add_argument("--wind", type=float, default=3.0, help="mean wind 10 m over the ground, m/s")
     parser.add_argument(
-        "--wind-from", type=float, default=None, metavar="DEG", help="where it blows from; drawn by default"
+        "--wind-from",
+        type=float,
+        default=None,
+        metavar="DEG",
+        help="where it blows from [default: drawn by the seed]",
     )
     parser.add_argument(
-        "--gust", type=float, default=None, metavar="M/S", help="standard deviation; a third of the mean"
+        "--gust",
+        type=float,
+        default=None,
+        metavar="M/S",
+        help="standard deviation [default: a third of the mean]",
     )
     parser.add_argument(
         "--intruder",
@@ -229,14 +260,19 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         "--drift", default="none", choices=tuple(SEVERITIES), help="random walk of the position estimate"
     )
     parser.add_argument(
-        "--duration", type=float, default=None, help="simulated seconds; with --autopilot real ones"
+        "--duration",
+        type=float,
+        default=None,
+        help="simulated seconds; with --autopilot real ones [default: no end]",
     )
     parser.add_argument(
         "--truth", type=Path, default=None, metavar="DIR", help="write truth files at the end"
     )
     parser.add_argument("--footprint", type=float, default=2.0, help="vehicle footprint of the truth, m")
-    parser.add_argument("--slope-limit", type=float, default=10.0, help="degrees")
-    parser.add_argument("--relief-limit", type=float, default=0.3, help="m")
+    parser.add_argument(
+        "--slope-limit", type=float, default=10.0, help="steepest safe ground of the truth, degrees"
+    )
+    parser.add_argument("--relief-limit", type=float, default=0.3, help="highest safe step, m")
     gear_options.add_options(parser)
     options = parser.parse_args(arguments)
     if options.autopilot is not None:

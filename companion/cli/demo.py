@@ -11,7 +11,9 @@ import typer
 
 import params
 from companion.cli.console import compile_at_first, err, page_endpoint, set_up_logging, stdout_console
-from companion.cli.options import Dashboard, DashboardToken, Json, Prior, Profile, Settings, Verbose
+from companion.cli.options import DashboardToken, Json, Prior, Profile, Settings, Verbose
+from companion.desk.demo.demo_options import INTRUDERS, SCENES, DemoOptions, check
+from companion.desk.demo.demo_sensors import SENSORS, sensor_named, usual_sensor
 from companion.runtime import extras
 
 DEMO_PAGE = "127.0.0.1:0"  # any free port
@@ -21,16 +23,13 @@ def demo(
     context: typer.Context,
     scene: Annotated[
         str,
-        typer.Option(
-            help="stadium, plain, hill, streets, mountains, dense, dust_out; of water, roofs and plants: "
-            "lakes, ponds, river, flooded_field, car_park_dry, car_park_wet, flat_roofs, maize, snowfield; "
-            "of wires and moving crowns: power_line, swaying_trees; of walls alone: corridor, wall."
-        ),
+        typer.Option(help=f"{', '.join(SCENES)} (docs/scenario.md)."),
     ] = "stadium",
     sensor: Annotated[
         str | None,
         typer.Option(
-            help="lidar, opal, flash, radar or lidar+radar; by default lidar (a Mid-360), or opal above 40 m."
+            help=f"{', '.join(sensor.name for sensor in SENSORS)}.",
+            show_default="lidar, a Mid-360; above 40 m opal",
         ),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of scene, wind and noise.")] = 1,
@@ -42,17 +41,25 @@ def demo(
     intruder: Annotated[
         str,
         typer.Option(
-            help="car@15: a car drives onto the landing point below 15 m; jib, walker, runner, dog, "
-            "cyclist, passing_car, ball likewise; several by commas."
+            help="car@15: a car drives onto the landing point below 15 m; likewise "
+            f"{', '.join(INTRUDERS[1:])}; several by commas."
         ),
     ] = "none",
     point_rate: Annotated[float, typer.Option(help="LiDAR points per second.")] = 200_000.0,
     limit_s: Annotated[float, typer.Option(help="Give up after so many simulated seconds.")] = 900.0,
     wind: Annotated[float, typer.Option(help="Mean wind 10 m over the ground, m/s.")] = 3.0,
     wind_from: Annotated[
-        float | None, typer.Option(help="Direction from which it blows, degrees; drawn by default.")
+        float | None,
+        typer.Option(help="Direction from which it blows, degrees.", show_default="drawn by the seed"),
     ] = None,
-    dashboard: Dashboard = None,
+    dashboard: Annotated[
+        str | None,
+        typer.Option(
+            metavar="HOST:PORT",
+            help="Serve the pilot's page (docs/page.md).",
+            show_default="127.0.0.1, any free port; none with --headless",
+        ),
+    ] = None,
     dashboard_token: DashboardToken = None,
     profile: Profile = "quadcopter",
     setting: Settings = [],  # noqa: B006 - typer reads the default
@@ -71,13 +78,13 @@ def demo(
     from companion.desk.demo import demonstration
 
     high_m = params.check_airworthy(params.load(profile, setting)).survey_height_m
-    chosen = demonstration.sensor_named(sensor or demonstration.usual_sensor(high_m))
+    chosen = sensor_named(sensor or usual_sensor(high_m))
     parameters = params.load(profile, [*chosen.settings_for(scene), *setting])
     compile_at_first(parameters.mode)
-    plan = demonstration.DemoOptions(
+    plan = DemoOptions(
         scene, seed, speedup, out, intruder, point_rate, limit_s, chosen, prior, wind, wind_from
     )
-    demonstration.check(plan)
+    check(plan)
     with page_endpoint(dashboard, dashboard_token) as front:
         summary = demonstration.fly(plan, parameters, err, context.obj, live=not headless, front=front)
     if as_json:

@@ -19,7 +19,11 @@ def nearest(
     lon: Annotated[float, typer.Argument(help="Longitude, degrees east.")],
     folder: Annotated[Path, typer.Option("--survey", help="Folder that slz map wrote.")] = Path(),
     radius_m: Annotated[
-        float | None, typer.Option(help="Only zones that hold it or whose landing points lie this near, m.")
+        float | None,
+        typer.Option(
+            help="Only zones that hold it or whose landing points lie this near, m.",
+            show_default="any distance",
+        ),
     ] = None,
     most: Annotated[int, typer.Option(help="So many at most.")] = 10,
     as_json: Json = False,

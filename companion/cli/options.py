@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from params import PROFILES
+
 LIDAR = (
     "livox:, velodyne: or ouster:HOST:PORT, lightware:/dev/ttyX,BAUD, ros2:/TOPIC, or mavlink:"
     " (docs/sensors.md)."
@@ -15,8 +17,10 @@ Key = Annotated[
     Path | None,
     typer.Option(help="File with the key of MAVLink signing: 32 bytes, 64 hex digits or a passphrase."),
 ]
-State = Annotated[Path | None, typer.Option(help="Folder for what is set in flight ($XDG_STATE_HOME/slz).")]
-Profile = Annotated[str, typer.Option(help="quadcopter, helicopter or a TOML file.")]
+State = Annotated[
+    Path | None, typer.Option(help="Folder for what is set in flight.", show_default="$XDG_STATE_HOME/slz")
+]
+Profile = Annotated[str, typer.Option(help=f"{', '.join(PROFILES)} or a TOML file.")]
 Settings = Annotated[list[str], typer.Option("--set", metavar="NAME=VALUE", help="Set one parameter.")]
 System = Annotated[
     int | None,

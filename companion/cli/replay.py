@@ -31,7 +31,8 @@ def replay(
         list[str], typer.Option(help="Topic of the poses of a bag; or twice: NavSatFix and Imu.")
     ] = [],  # noqa: B006
     lidar: Annotated[
-        str | None, typer.Option(help="livox, velodyne or ouster?meta=FILE; told by the packets else.")
+        str | None,
+        typer.Option(help="livox, velodyne or ouster?meta=FILE.", show_default="told by the packets"),
     ] = None,
     origin: Annotated[
         str | None, typer.Option(help="LAT,LON,ALT where the local frame of a bag's poses begins.")
@@ -43,7 +44,9 @@ def replay(
     profile: Annotated[str, typer.Option(help="Profile for files of other programs.")] = "quadcopter",
     speed: Annotated[float, typer.Option(min=0, help="Seconds of flight a second; 0: all it can.")] = 0.0,
     start: Annotated[float, typer.Option("--from", min=0, help="Map from so many seconds on.")] = 0.0,
-    until: Annotated[float, typer.Option(min=0, help="End after so many seconds.")] = 1e9,
+    until: Annotated[
+        float, typer.Option(min=0, help="End after so many seconds.", show_default="the end")
+    ] = 1e9,
     system: System = None,
     dashboard: Dashboard = None,
     dashboard_token: DashboardToken = None,

@@ -16,7 +16,12 @@ from companion.runtime import extras
 def reproduce(
     out: Annotated[Path, typer.Option(help="Folder for the page, pictures and flown surveys.")],
     only: Annotated[
-        str, typer.Option(help="Only scenes whose name holds this; surface, flash or radar.")
+        str,
+        typer.Option(
+            help="Only scenes whose name holds this: stadium, road, mountains, dense, hill, lake, surface,"
+            " odometry, flash, radar.",
+            show_default="all",
+        ),
     ] = "",
     as_json: Json = False,
     verbose: Verbose = False,

@@ -21,8 +21,10 @@ def benchmark(
     method_file: Annotated[
         list[Path], typer.Option(help="Python file with a METHOD of your own (docs/benchmark/safe-maps.md).")
     ] = [],  # noqa: B006
-    only: Annotated[list[str], typer.Option(help="Only scenes whose name holds this.")] = [],  # noqa: B006
-    density: Annotated[list[int], typer.Option(min=1, max=1000, help="Pulses per m² (10, 20 and 100).")] = [],  # noqa: B006
+    only: Annotated[list[str], typer.Option(help="Only scenes whose name holds this (--list).")] = [],  # noqa: B006
+    density: Annotated[
+        list[int], typer.Option(min=1, max=1000, help="Pulses per m².", show_default="10, 20 and 100")
+    ] = [],  # noqa: B006
     scenes: Annotated[
         list[Path], typer.Option(help="Folder of scenes in the exchange format, in place of the frozen ones.")
     ] = [],  # noqa: B006
@@ -32,15 +34,19 @@ def benchmark(
     crs: Annotated[str | None, typer.Option(help="CRS of --laz files that name none.")] = None,
     export: Annotated[bool, typer.Option("--export", help="Write clouds, poses and truth to --out.")] = False,
     cloud_format: Annotated[
-        str | None, typer.Option("--format", metavar="laz|pcd", help="Of exported clouds (laz).")
+        str | None,
+        typer.Option("--format", metavar="laz|pcd", help="Of exported clouds.", show_default="laz"),
     ] = None,
     score: Annotated[
         Path | None, typer.Option(help="Score this safe map (.tif) or these zones (.geojson) on --scene.")
     ] = None,
-    scene: Annotated[list[str], typer.Option(help="Name of the scene that --score is of.")] = [],  # noqa: B006
+    scene: Annotated[list[str], typer.Option(help="Name of the scene that --score is of (--list).")] = [],  # noqa: B006
     safe_from: Annotated[
         float | None,
-        typer.Option(help="Least probability that --score FILE.tif calls safe, above 0 and at most 1 (0.5)."),
+        typer.Option(
+            help="Least probability that --score FILE.tif calls safe, above 0 and at most 1.",
+            show_default="0.5",
+        ),
     ] = None,
     names: Annotated[bool, typer.Option("--list", help="Name scenes and methods.")] = False,
     as_json: Json = False,

@@ -15,10 +15,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--gear-length", type=float, default=0.57, help="front to rear pads, or of a skid, m")
     parser.add_argument("--gear-width", type=float, default=0.57, help="left to right pads or skids, m")
-    parser.add_argument("--pad-radius", type=float, default=0.03, help="m")
+    parser.add_argument("--pad-radius", type=float, default=0.03, help="of a pad or skid, m")
     parser.add_argument("--clearance", type=float, default=0.3, help="of the belly over the gear's plane, m")
     parser.add_argument(
-        "--rotor-diameter", type=float, default=0.9, help="m; it crashes where its disc meets something"
+        "--rotor-diameter", type=float, default=0.9, help="it crashes where its disc meets something, m"
     )
     parser.add_argument(
         "--rotor-height", type=float, default=0.3, help="of that disc over the gear's plane, m"

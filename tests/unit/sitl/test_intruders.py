@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from companion.desk.demo.demonstration import INTRUDERS
+from companion.desk.demo.demo_options import INTRUDERS
 from sitl.intruders import KINDS, DrivenCar, SwungJib, read
 from sitl.intruders.bouncing_ball import RESTITUTION, ROLLING, path_m
 from sitl.intruders.crosser import BESIDE_M, FROM_M

@@ -1,10 +1,11 @@
-"""Options of the simulator's program that set up navigation: what is refused, and in which words."""
+"""Options of the simulator's program: its help, what is refused, and in which words."""
 
 from __future__ import annotations
 
 import pytest
 
 from sitl.__main__ import main
+from sitl.scenes import NAMES
 
 QUICK = ["--scene", "plain", "--lidar", "none", "--mavlink", "udpout:127.0.0.1:9", "--speedup", "0"]
 
@@ -39,3 +40,16 @@ def test_what_cannot_be_is_refused(words: list[str], said: str, capsys: pytest.C
 def test_what_can_be_runs(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*QUICK, "--duration", "0.5", *words]) == 0
     assert '"ready": true' in capsys.readouterr().out
+
+
+def test_the_help_lists_the_scenes_and_what_holds_if_an_option_is_left_out(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["--help"])
+    assert ended.value.code == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    assert f"{', '.join(NAMES)} [default: stadium]" in shown
+    assert "LiDAR points per second [default: 200000]" in shown
+    assert "[default: 1; with --lockstep 0]" in shown
+    assert "SUPPRESS" not in shown

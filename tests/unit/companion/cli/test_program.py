@@ -140,6 +140,10 @@ def test_help_is_shown_when_asked_for_and_when_nothing_is(capfd: Capture) -> Non
     assert asked.err == ""
     assert ended("map", "--help") == 0
     assert "--min-square-m" in capfd.readouterr().out
+    assert ended("demo", "--help") == 0
+    shown = capfd.readouterr().out
+    assert "[default: stadium]" in shown
+    assert "lidar+radar" in shown
 
 
 # ---- slz run -------------------------------------------------------------------------------------------

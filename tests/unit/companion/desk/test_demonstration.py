@@ -11,7 +11,8 @@ from rich.console import Console
 
 import params
 from companion.cli.demo import demo
-from companion.desk.demo.demonstration import SCENES, gear_options, table
+from companion.desk.demo.demo_options import SCENES
+from companion.desk.demo.demonstration import gear_options, table
 from sitl.scenes import NAMES
 
 SAFE = {
