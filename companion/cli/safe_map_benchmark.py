@@ -17,7 +17,9 @@ from companion.runtime.errors import UsageError
 
 def benchmark(
     out: Annotated[Path | None, typer.Option(help="Folder for the leaderboard, or for --export.")] = None,
-    method: Annotated[list[str], typer.Option(help="Only methods whose name holds this.")] = [],  # noqa: B006
+    method: Annotated[
+        list[str], typer.Option(help="Only this method: its name or a part that no other has (--list).")
+    ] = [],  # noqa: B006
     method_file: Annotated[
         list[Path], typer.Option(help="Python file with a METHOD of your own (docs/benchmark/safe-maps.md).")
     ] = [],  # noqa: B006
@@ -140,6 +142,8 @@ def _show_names(as_json: bool) -> None:
 
 
 def _show_score(figures: dict[str, Any], as_json: bool) -> None:
+    from companion.desk.open_benchmark.leaderboard import DASH, NO_FIGURE
+
     if as_json:
         print(json.dumps(figures))
         return
@@ -150,7 +154,7 @@ def _show_score(figures: dict[str, Any], as_json: bool) -> None:
         table.add_row(key, str(figures[key]))
     for key in ("unsafe_called_safe", "safe_is_unsafe", "safe_found", "unknown", "brier"):
         value = figures[key]
-        table.add_row(key.replace("_", " "), "" if value is None else f"{value:.4f}")
+        table.add_row(key.replace("_", " "), f"{DASH} {NO_FIGURE[key]}" if value is None else f"{value:.4f}")
     for kind, of in figures["by_kind"].items():
         table.add_row(f"unsafe called safe, {kind}", f"{of['unsafe_called_safe']:.4f}")
     stdout_console().print(table)

@@ -39,6 +39,7 @@ from companion.runtime import output_folder
 from companion.runtime.errors import CompanionError, UsageError
 
 Progress = Callable[[str, float], None]
+KNOWN = (*METHODS, REFERENCE)
 FROZEN_FLIGHTS = frozenset(map(str, DENSITIES))
 TIMING = (
     "processor time of all threads for one call of judge, from the points in memory to the map; one call on"
@@ -48,7 +49,7 @@ TIMING = (
 
 @dataclass(frozen=True, slots=True)
 class BenchmarkChoice:
-    """What to run: words in names of methods and scenes, more methods, and where other scenes are from."""
+    """What to run: names of methods, words of names of scenes, more methods, other scenes and their CRS."""
 
     methods: tuple[str, ...] = ()
     method_files: tuple[Path, ...] = ()
@@ -59,22 +60,16 @@ class BenchmarkChoice:
     crs: str | None = None
 
     def chosen_methods(self) -> list[LandingMethod]:
-        """Return the methods of the files, and those of the benchmark whose names hold a word.
+        """Return the methods of the files, and the named ones of the benchmark, all without a name.
 
         Raises
         ------
         UsageError
-            A word is in no name, or two methods have one name.
+            A name is of no method or of several, or two methods have one name.
         """
-        known = (*METHODS, REFERENCE)
-        for word in self.methods:
-            if not any(word.lower() in method.name.lower() for method in known):
-                there = ", ".join(method.name for method in known)
-                raise UsageError(f"no method is named {word!r}: there are {there}")
+        named = [_method_named(name) for name in self.methods]
+        chosen = [method for method in KNOWN if method in named or not named]
         own = [method_of_file(path) for path in self.method_files]
-        chosen = [
-            m for m in known if not self.methods or any(w.lower() in m.name.lower() for w in self.methods)
-        ]
         names = [method.name for method in (*own, *chosen)]
         doubled = next((name for name in names if names.count(name) > 1), None)
         if doubled is not None:
@@ -228,6 +223,21 @@ def score_file(path: Path, name: str, choice: BenchmarkChoice, safe_from: float 
     case = _named(name, choice)
     named = {"file": str(path), "scene": case.name, "as_frozen": case.digests_agree}
     return named | score(read_safe_map(path, case, safe_from), case.truth).figures()
+
+
+def _method_named(name: str) -> LandingMethod:
+    """Return the method of this name, or the only one whose name holds it, in its case or in any."""
+    found = (
+        [method for method in KNOWN if name == method.name]
+        or [method for method in KNOWN if name in method.name]
+        or [method for method in KNOWN if name.lower() in method.name.lower()]
+    )
+    if len(found) == 1:
+        return found[0]
+    there = "; ".join(method.name for method in found or KNOWN)
+    raise UsageError(
+        f"--method {name!r} is {'of several methods' if found else 'no method'}: there are {there}"
+    )
 
 
 def _named(name: str, choice: BenchmarkChoice) -> BenchmarkCase:

@@ -21,7 +21,18 @@ COLUMNS = (
     ("safe_found", "safe found, %"),
     ("unknown", "unknown, %"),
 )
+DASH = "–"
+NO_FIGURE = {
+    "unsafe_called_safe": "no cell is unsafe",
+    "safe_is_unsafe": "nothing is called safe",
+    "safe_found": "no cell is safe",
+    "unknown": "no cell is judged",
+    "brier": "a map without probabilities",
+}
+"""Why a figure is None and shown as a dash."""
+CURVE_DASH = f"{DASH}: no threshold finds so much. Methods that give a map alone have no threshold to move."
 CURVE_TITLE = "Unsafe called safe, %, where the threshold is moved until so much of the safe ground is found"
+FIGURE_COLUMNS = ("method", *(title for _, title in COLUMNS), "Brier", "ms")
 CURVE_COLUMNS = ("method", *(f"{found:.0%}" for found in FOUND))
 STYLE = (
     "body{font:15px/1.5 sans-serif;max-width:75em;margin:2em auto;padding:0 1em;color:#222}"
@@ -66,11 +77,11 @@ def markdown(document: dict[str, Any]) -> str:
     lines += [escaped(line) for line in _notes(document)]
     for group in groups_of(document):
         lines += ["", f"## {escaped(_title(group))}", ""]
-        lines += _table(
-            ["method", *(title for _, title in COLUMNS), "Brier", "ms"], _figures(document, group)
-        )
+        lines += _table(FIGURE_COLUMNS, _figures(document, group))
+        if dashes := _dashes(document, group):
+            lines += ["", escaped(dashes)]
         if curves := _curves(document, group):
-            lines += ["", CURVE_TITLE + ":", "", *_table(CURVE_COLUMNS, curves)]
+            lines += ["", CURVE_TITLE + ":", "", *_table(CURVE_COLUMNS, curves), "", escaped(CURVE_DASH)]
         kinds = kinds_of(document, group)
         if kinds:
             lines += ["", "Unsafe called safe by kind of hazard, %:", ""]
@@ -171,9 +182,21 @@ def _figures(document: dict[str, Any], group: str) -> list[list[str]]:
             text = _percent(figures[key])
             wins = name in contest and key in best and figures[key] == best[key] and key != "unknown"
             cells.append(f"**{text}**" if wins else text)
-        brier = "" if figures["brier"] is None else f"{figures['brier']:.4f}"
+        brier = DASH if figures["brier"] is None else f"{figures['brier']:.4f}"
         rows.append([name, *cells, brier, f"{figures['ms']:.0f}"])
     return rows
+
+
+def _dashes(document: dict[str, Any], group: str) -> str:
+    """Return what the dashes among a group's figures mean, empty where it has none."""
+    rows = [figures for _, figures in _ordered(document, group)]
+    titles = {**dict(COLUMNS), "brier": "Brier"}
+    reasons = [
+        f"{titles[key].removesuffix(', %')}: {reason}"
+        for key, reason in NO_FIGURE.items()
+        if any(figures[key] is None for figures in rows)
+    ]
+    return f"{DASH}: {'; '.join(reasons)}." if reasons else ""
 
 
 def _curves(document: dict[str, Any], group: str) -> list[list[str]]:
@@ -214,7 +237,7 @@ def _kind_figures(document: dict[str, Any], group: str, kinds: Sequence[str]) ->
 
 
 def _percent(share: float | None) -> str:
-    return "" if share is None else f"{100 * share:.2f}" if share < 0.1 else f"{100 * share:.1f}"
+    return DASH if share is None else f"{100 * share:.2f}" if share < 0.1 else f"{100 * share:.1f}"
 
 
 def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
@@ -256,10 +279,12 @@ def _html(document: dict[str, Any], scenes: Sequence[dict[str, Any]]) -> str:
     ]
     for group in groups_of(document):
         parts.append(f"<h2>{html.escape(_title(group))}</h2>")
-        heads = ["method", *(head for _, head in COLUMNS), "Brier", "ms"]
-        parts.append(_html_table(heads, _figures(document, group)))
+        parts.append(_html_table(FIGURE_COLUMNS, _figures(document, group)))
+        if dashes := _dashes(document, group):
+            parts.append(f"<p>{html.escape(dashes)}</p>")
         if curves := _curves(document, group):
-            parts.append(f"<h3>{CURVE_TITLE}</h3>{_html_table(CURVE_COLUMNS, curves)}")
+            table = _html_table(CURVE_COLUMNS, curves)
+            parts.append(f"<h3>{CURVE_TITLE}</h3>{table}<p>{html.escape(CURVE_DASH)}</p>")
         if kinds := kinds_of(document, group):
             parts.append("<h3>Unsafe called safe by kind of hazard, %</h3>")
             parts.append(_html_table(["method", *kinds], _kind_figures(document, group, kinds)))
@@ -286,7 +311,8 @@ def _scene_table(document: dict[str, Any], scenes: Sequence[dict[str, Any]]) -> 
         figures = (cells[scene, flight, name] for name in names)
         shares = [f"{_percent(f['unsafe_called_safe'])} / {_percent(f['safe_found'])}" for f in figures]
         rows.append([f"{scene}, {flight}", *shares])
-    return "<p>unsafe called safe / safe found</p>" + _html_table(["scene, flight", *names], rows)
+    explained = f"unsafe called safe / safe found; {DASH}: the scene has no unsafe or no safe cell"
+    return f"<p>{explained}</p>" + _html_table(["scene, flight", *names], rows)
 
 
 def _html_table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

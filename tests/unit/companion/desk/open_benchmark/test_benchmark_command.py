@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from companion.cli import program
+from companion.desk.open_benchmark.benchmark_run import BenchmarkChoice
 from companion.desk.open_benchmark.exchange_folder import write_case
 from companion.desk.open_benchmark.leaderboard import better_than_ours, markdown
 from companion.desk.open_benchmark.methods import METHODS, OURS, REFERENCE
@@ -63,6 +64,7 @@ def test_methods_of_a_file_are_judged_on_scenes_of_a_folder(
     assert "height range" in page
     assert summary["other_scenes"] == ["small"]
     for text in (page, (out / "leaderboard.md").read_text("utf-8")):
+        assert "–: Brier: a map without probabilities." in text
         assert "on other scenes than the benchmark" in text
         assert "Other scenes than the frozen ones of version 1: small." in text
         assert "1 scene, " in text
@@ -79,7 +81,9 @@ def test_exported_truth_scores_as_perfect(
     figures = json.loads(capsys.readouterr().out)
     assert (figures["unsafe_called_safe"], figures["safe_found"], figures["unknown"]) == (0.0, 1.0, 0.0)
     assert ended(monkeypatch, *words[:-1]) == 0
-    assert re.search(r"unsafe called safe, wall\W+0\.0000", capsys.readouterr().out)
+    shown = capsys.readouterr().out
+    assert re.search(r"unsafe called safe, wall\W+0\.0000", shown)
+    assert re.search(r"brier\W+– a map without probabilities", shown)
 
 
 def test_a_scene_of_a_folder_comes_before_the_frozen_one_of_its_name(
@@ -115,6 +119,13 @@ def test_a_frozen_scene_is_exported_with_its_truth(
     assert names == {f"kerb-0.1m/{name}" for name in files}
 
 
+@pytest.mark.parametrize(
+    ("name", "meant"), [("slz", OURS), ("SLZ paper", "SLZ paper"), ("PX4", "PX4-Avoidance")]
+)
+def test_a_method_is_chosen_by_its_name_or_by_what_no_other_name_holds(name: str, meant: str) -> None:
+    assert [method.name for method in BenchmarkChoice(methods=(name,)).chosen_methods()] == [meant]
+
+
 def test_scenes_and_methods_are_listed(monkeypatch: pytest.MonkeyPatch, capsys: Capture) -> None:
     assert ended(monkeypatch, "--list", "--json") == 0
     listed = json.loads(capsys.readouterr().out)
@@ -135,7 +146,11 @@ def test_scenes_and_methods_are_listed(monkeypatch: pytest.MonkeyPatch, capsys: 
         (["--export", "--out", "o", "--method", "slz"], "--export does not go with --method"),
         (["--out", "o", "--scene", "yard"], "--scene NAME goes with --score FILE"),
         (["--score", "a.tif", "--scene", "mars"], "no scene is named 'mars'"),
-        (["--out", "o", "--method", "magic"], "no method is named 'magic'"),
+        (["--out", "o", "--method", "magic"], "'magic' is no method: there are gradient + threshold; plane"),
+        (
+            ["--out", "o", "--method", "alhat"],
+            "'alhat' is of several methods: there are ALHAT, deterministic; ALHAT, probabilistic\n",
+        ),
         (["--out", "o", "--only", "mars"], "no scene is named 'mars'"),
         (["--out", "o", "--format", "xyz"], "use laz or pcd"),
         (["--out", "o", "--format", "laz"], "--format goes with --export"),
