@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from textwrap import shorten
+
 import numpy as np
 
 from companion.flight.geometry.geofence import Geofence
@@ -397,5 +399,6 @@ class LandingState:
 
 
 def bracketed(cause: str, most: int) -> str:
-    """Return the cause in a text, so long that this is one STATUSTEXT; "" without one."""
-    return f" ({cause[:most]})" if cause else ""
+    """Return the cause's first words in a text, so long that this is one STATUSTEXT; "" without one."""
+    words = shorten(cause.partition(":")[0], most, placeholder="") or cause[:most]
+    return f" ({words})" if cause else ""

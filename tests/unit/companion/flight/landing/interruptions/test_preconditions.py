@@ -212,7 +212,7 @@ def test_a_mode_taken_by_the_autopilot_s_failsafe_is_not_the_pilot_s(phase: Phas
     assert flight.executive.phase is Phase.FAILSAFE
     assert silent_since(flight, first)
     told = [text for text in flight.texts if "RTL" in text]
-    assert told == ["SLZ: failsafe (Battery 1 low volt): RTL, take over"]
+    assert told == ["SLZ: failsafe (Battery 1 low): RTL, take over"]
     assert Severity.CRITICAL in flight.severities
     assert flight.executive.tally.hands_off == 0
     assert flight.executive.tally.failsafes == ["Battery 1 low voltage"]
@@ -282,7 +282,7 @@ def test_a_failsafe_that_is_told_after_its_mode_is_not_left_to_the_pilot() -> No
     flight.failsafe, flight.cause = True, "Failsafe activated"
     flight.run(0.2)
     assert flight.executive.phase is Phase.FAILSAFE
-    assert flight.texts[-1] == "SLZ: failsafe (Failsafe act): AUTO.LAND, take over"
+    assert flight.texts[-1] == "SLZ: failsafe (Failsafe): AUTO.LAND, take over"
     assert (flight.executive.tally.hands_off, flight.executive.tally.failsafes) == (0, ["Failsafe activated"])
 
 
@@ -622,6 +622,21 @@ def test_a_failsafe_that_takes_the_mode_or_loses_the_estimate_a_moment_later_is_
     flight.mode = "RTL"
     flight.run(3)
     assert flight.texts[first:] == ["SLZ: failsafe (Battery Failsafe): RTL, take over"]
+
+
+@pytest.mark.parametrize(
+    ("cause", "mode", "told"),
+    [
+        ("EKF Failsafe: changed to Land Mode", "LAND", "(EKF Failsafe): LAND"),
+        ("position lost", "AUTO.LAND", "(position): AUTO.LAND"),
+        ("Battery 1 low voltage", "RTL", "(Battery 1 low): RTL"),
+    ],
+)
+def test_the_cause_of_a_failsafe_is_told_in_whole_words(cause: str, mode: str, told: str) -> None:
+    flight = flown_to(Phase.DESCEND)
+    flight.mode, flight.failsafe, flight.cause = mode, True, cause
+    flight.run(2)
+    assert flight.texts[-1] == f"SLZ: failsafe {told}, take over"
 
 
 @pytest.mark.parametrize("phase", [Phase.SURVEY, Phase.DESCEND, Phase.FINAL])
