@@ -73,15 +73,13 @@ class Label:
     time_type: TimeType = TimeType.FREE_RUNNING
 
 
-def encode_points(
-    label: Label, points_m: F64, reflectivity: U8, tag: U8, data_type: DataType = DataType.CARTESIAN_32
-) -> bytes:
-    """Encode one point packet.
+def point_data(
+    points_m: F64, reflectivity: U8, tag: U8, data_type: DataType = DataType.CARTESIAN_32
+) -> NDArray[np.void]:
+    """Return points as packets hold them, (n,).
 
     Parameters
     ----------
-    label
-        Stamp of the first point, time from first to last point, counters.
     points_m
         (n, 3) in the sensor frame, metres; a row of zeros is a pulse without a return.
     reflectivity, tag
@@ -92,7 +90,7 @@ def encode_points(
     Raises
     ------
     ValueError
-        If a value does not fit its header field.
+        If that is no layout of points.
     """
     if data_type is DataType.CARTESIAN_32:
         data = np.zeros(len(points_m), CARTESIAN_32)
@@ -106,7 +104,18 @@ def encode_points(
         raise ValueError(f"point packet: data_type {data_type!r} is not a point format")
     data["reflectivity"] = reflectivity
     data["tag"] = tag
-    return _packet(label, data_type, len(points_m), data.tobytes())
+    return data
+
+
+def point_packet(label: Label, data_type: DataType, data: NDArray[np.void]) -> bytes:
+    """Encode one packet of points, see `point_data`.
+
+    Raises
+    ------
+    ValueError
+        If a value does not fit its header field.
+    """
+    return _packet(label, data_type, len(data), data.tobytes())
 
 
 def encode_imu(label: Label, rate_rad_s: F64, force_g: F64) -> bytes:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.sensors.lidar_mount import Mount
-from sitl.sensors.livox_packets import POINTS_PER_PACKET, DataType, Label, encode_points
+from sitl.sensors.livox_packets import POINTS_PER_PACKET, DataType, Label, point_data, point_packet
 from sitl.sensors.mid360_pattern import directions
 from sitl.sensors.optics import Noise, Reach
 from sitl.sensors.pulse_lidar import PulseLidar, Shots
@@ -102,12 +102,19 @@ class Mid360(PulseLidar):
         return tag
 
     def encode(self, shots: Shots) -> bytes:
+        return self.encode_all(shots)[0]
+
+    def encode_all(self, shots: Shots) -> list[bytes]:
         tag = self.tags(shots)
         reflectivity = np.minimum(np.maximum(np.rint(150.0 * shots.bright), 1), 150).astype(np.uint8)
         reflectivity[tag != 0] = 3
         reflectivity[shots.echoes.range_m == 0.0] = 0
-        label = self._label(int(shots.index[0]))
-        return encode_points(label, self.points_m(shots), reflectivity, tag, self.data_type)
+        data = point_data(self.points_m(shots), reflectivity, tag, self.data_type)
+        size = self.pulses_per_packet
+        return [
+            point_packet(self._label(int(shots.index[k])), self.data_type, data[k : k + size])
+            for k in range(0, len(shots), size)
+        ]
 
     def _label(self, first_point: int) -> Label:
         elapsed = first_point * self.period_ns

@@ -198,6 +198,12 @@ class PulseLidar(ABC):
     def encode(self, shots: Shots) -> bytes:
         """Return the packet of these pulses."""
 
+    def encode_all(self, shots: Shots) -> list[bytes]:
+        """Return the packets sent of these pulses, which fill them."""
+        size = self.pulses_per_packet
+        each = (shots[slice(k, k + size)] for k in range(0, len(shots), size))
+        return [self.encode(one) for one in each if self.is_sent(int(one.index[0]))]
+
     @property
     def group(self) -> int:
         """Number of pulses that a packet never separates; a packet begins with the first of a group."""
@@ -438,10 +444,9 @@ class PulseLidar(ABC):
     def _full_packets(self) -> list[bytes]:
         if self._pending is None:
             return []
-        size = self.pulses_per_packet
-        count = len(self._pending) // size
-        full = (self._pending[slice(k * size, (k + 1) * size)] for k in range(count))
-        packets = [self.encode(shots) for shots in full if self.is_sent(int(shots.index[0]))]
-        if count:
-            self._pending = self._pending[slice(count * size, None)]
+        full = len(self._pending) // self.pulses_per_packet * self.pulses_per_packet
+        if not full:
+            return []
+        packets = self.encode_all(self._pending[slice(full)])
+        self._pending = self._pending[slice(full, None)]
         return packets

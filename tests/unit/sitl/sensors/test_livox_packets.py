@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import struct
 import zlib
+from typing import Any
 
 import numpy as np
 import pytest
 
-from sitl.sensors.livox_packets import DataType, Label, encode_points
+from sitl.sensors.livox_packets import DataType, Label, point_data, point_packet
 
 LABEL = Label(stamp_ns=123_456_789_012_345, interval_ns=475_000, udp_count=70_000, frame_count=300)
 POINTS = np.array([[1.2345, -2.3456, 3.4567], [0.0, 0.0, 0.0], [-40.0, 0.001, -0.001]])
 REFLECTIVITY = np.array([17, 0, 255], np.uint8)
 TAG = np.array([0, 0, 16], np.uint8)
+
+
+def encode_points(label: Label, *points: Any, data_type: DataType = DataType.CARTESIAN_32) -> bytes:
+    return point_packet(label, data_type, point_data(*points, data_type))
 
 
 def test_header_has_every_field_at_its_offset() -> None:
@@ -42,7 +47,7 @@ def test_cartesian_32_is_millimetres() -> None:
 
 
 def test_cartesian_16_is_centimetres() -> None:
-    packet = encode_points(LABEL, POINTS, REFLECTIVITY, TAG, DataType.CARTESIAN_16)
+    packet = encode_points(LABEL, POINTS, REFLECTIVITY, TAG, data_type=DataType.CARTESIAN_16)
     assert packet[10] == 2
     records = [struct.unpack_from("<hhhBB", packet, 36 + 8 * k) for k in range(3)]
     assert records == [(123, -235, 346, 17, 0), (0, 0, 0, 0, 0), (-4000, 0, 0, 255, 16)]
@@ -50,7 +55,9 @@ def test_cartesian_16_is_centimetres() -> None:
 
 def test_spherical_is_depth_zenith_and_azimuth() -> None:
     points = np.array([[0.0, 2.0, 0.0], [-3.0, 0.0, 3.0], [1.0, -1.0, 0.0], [0.0, 0.0, 0.0]])
-    packet = encode_points(LABEL, points, np.zeros(4, np.uint8), np.zeros(4, np.uint8), DataType.SPHERICAL)
+    packet = encode_points(
+        LABEL, points, np.zeros(4, np.uint8), np.zeros(4, np.uint8), data_type=DataType.SPHERICAL
+    )
     assert packet[10] == 3
     records = [struct.unpack_from("<IHHBB", packet, 36 + 10 * k) for k in range(4)]
     assert [r[:3] for r in records] == [
@@ -65,4 +72,4 @@ def test_what_does_not_fit_the_fields_is_refused() -> None:
     with pytest.raises(ValueError, match="do not fit 16 bits"):
         encode_points(Label(0, 7_000_000, 0), POINTS, REFLECTIVITY, TAG)
     with pytest.raises(ValueError, match="not a point format"):
-        encode_points(LABEL, POINTS, REFLECTIVITY, TAG, DataType.IMU)
+        encode_points(LABEL, POINTS, REFLECTIVITY, TAG, data_type=DataType.IMU)
