@@ -40,6 +40,9 @@ def active_alarms(state: dict[str, Any], selected: dict[str, Any] | None) -> lis
         found.append(("critical", "failsafe", "AUTOPILOT FAILSAFE"))
     if state["estimate_lost"]:
         found.append(("critical", "estimate", f"AUTOPILOT LOST ITS {state['estimate_lost'].upper()}"))
+    if state["gps"] and state["armed"]:
+        lost = state["gps"] == "lost"
+        found.append(("critical", "gps", "GPS LOST" if lost else "GPS GLITCH: position may jump"))
     if state["connected"] and state["armed"] and not state["lidar_ok"] and not state["on_ground"]:
         found.append(("critical", "no-lidar", state["blind"].upper()))
     if state["east_m"] is None and state["connected"]:

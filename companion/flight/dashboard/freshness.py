@@ -15,8 +15,8 @@ NEVER: Mapping[str, float | None] = dict.fromkeys((AUTOPILOT, POSITION, MAP))
 # companion's own, which are as old as the document.
 FIELDS: Mapping[str, tuple[str, ...]] = {
     AUTOPILOT: (
-        *("mode", "guided", "armed", "on_ground", "failsafe", "estimate_lost", "battery_pct", "battery_v"),
-        *("battery_low", "height_home_m", "wind"),
+        *("mode", "guided", "armed", "on_ground", "failsafe", "estimate_lost", "lost", "gps"),
+        *("battery_pct", "battery_v", "battery_low", "height_home_m", "wind"),
     ),
     POSITION: (
         *("east_m", "north_m", "up_m", "velocity_enu_ms", "roll_deg", "pitch_deg", "yaw_deg", "height_m"),

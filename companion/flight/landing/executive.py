@@ -152,6 +152,10 @@ class Executive:
         endurance_s = state.endurance.left_s(situation.now_ns)
         return Emergency(zone.id, seconds, None if endurance_s is None else seconds <= endurance_s)
 
+    def what_is_lost(self, s: Situation) -> str:
+        """Return the input that is lost without which no order to land is taken, else ""."""
+        return s.estimate_lost or ("GPS" if self.state.gps_loss.is_on else "")
+
     def ways(self, situation: Situation) -> tuple[ApproachPath | None, ApproachPath | None]:
         """Return the best sloped clear way in to the selected point, and out of it, of the newest report."""
         selected, p = situation.selected, self._p
@@ -216,7 +220,7 @@ class Executive:
         refusal = _not_flying(situation)
         if refusal is not None:
             return refusal
-        lost = self._what_is_lost(situation)
+        lost = self.what_is_lost(situation)
         if lost:
             return Reply(False, f"{lost} lost: fly by hand")
         self.state.ownership.on_leave_request(situation)
@@ -257,7 +261,7 @@ class Executive:
             return Reply(False, "descending: abort first")
         if not s.guided:
             return Reply(False, "set GUIDED first")
-        lost = self._what_is_lost(s)
+        lost = self.what_is_lost(s)
         if lost:
             return Reply(False, f"{lost} lost: fly by hand")
         too_windy = self.state.too_windy(s, request.urgent)
@@ -272,10 +276,6 @@ class Executive:
             self._confirmed = ground
             request = replace(request, confirmed=ground.surface.kind)
         return self._start(s, request)
-
-    def _what_is_lost(self, s: Situation) -> str:
-        """Return the input that is lost without which no order to land is taken, else ""."""
-        return s.estimate_lost or ("GPS" if self.state.gps_loss.is_on else "")
 
     def _is_confirmed(self, ground: Ground, s: Situation) -> bool:
         """Return whether this order is the confirmation, or repeats one that the landing under way has."""

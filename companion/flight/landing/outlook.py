@@ -9,6 +9,7 @@ from companion.flight.landing.landing_state import LANDING_MS, LandingState
 from companion.flight.landing.situation import COMMANDING, Phase, Situation
 
 NEAR_M = 1.0  # of a height: reached
+WAITING = {Phase.SURVEY, Phase.APPROACH}  # phases that wait where they are until what is lost is back
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,8 +33,12 @@ def outlook(state: LandingState, s: Situation) -> Outlook:
     p, aim = state.parameters, state.aim
     left_m, commit = max(0.0, aim.height_left_m), f"no abort below {state.parameters.commit_height_m:g} m"
     rise_m = 0.0 if s.position_enu_m is None else state.route.height_m - float(s.position_enu_m[2])
-    climbs = math.isfinite(rise_m) and rise_m > NEAR_M
+    climbs = math.isfinite(rise_m) and rise_m > NEAR_M and not state.gps_loss.lasts
     abort = f"climbs {rise_m:.0f} m, then holds" if climbs else "holds here"
+    if state.gps_loss.lasts and phase in WAITING | {Phase.CLIMB, Phase.HOLD}:
+        return Outlook(phase, "hovers: GPS lost", abort)
+    if s.guided and phase in WAITING and (s.position_enu_m is None or not s.lidar_ok):
+        return Outlook(phase, "hovers", abort)  # what is missing stands beside it
     match phase:
         case Phase.SURVEY if not s.guided:
             return Outlook(phase, "emergency: takes over next", "cancels the emergency")

@@ -66,6 +66,7 @@ export class Choice {
   /** Where an emergency order would land now. */
   _soonestWords() {
     const soonest = this._model.state?.emergency;
+    if (this._model.state?.lost) return `not now: ${this._model.state.lost} lost, fly by hand`;
     if (!soonest) return this._model.isPast("map") ? `not now: ${this._model.state.blind}` : "not now: no zone known";
     if (soonest.seconds === null) return `zone ${soonest.zone}, too windy to reach`;
     const lasts = soonest.within_battery === false ? ", beyond the battery" : "";
@@ -94,9 +95,10 @@ export class Choice {
     const ready = may && state.connected && !this._link.stale;
     const judged = ready && !this._model.isPast("map");
     byId("select").disabled = !judged || !picked || (picked.zone !== null && this._isFar(picked.zone));
-    byId("confirm").disabled = !judged || !point || point.state === "unsafe" || !state.guided || this._flownTo(point);
-    byId("best").disabled = !judged || !state.guided || !this._model.near().length || this._descending();
-    byId("now").disabled = !judged || !state.emergency || !state.armed || state.on_ground;
+    const lands = judged && !state.lost;
+    byId("confirm").disabled = !lands || !point || point.state === "unsafe" || !state.guided || this._flownTo(point);
+    byId("best").disabled = !lands || !state.guided || !this._model.near().length || this._descending();
+    byId("now").disabled = !lands || !state.emergency || !state.armed || state.on_ground;
     byId("soonest").textContent = state?.armed && !state.on_ground ? this._soonestWords() : "";
     byId("abort").disabled = !may;
     if (this._armed && state && !state.armed) this._say(""); // the flight that the answer was of is over
@@ -118,9 +120,11 @@ export class Choice {
     if (!this._model.operator) return "This page may look only.";
     if (!state.connected) return "No autopilot: no order but abort.";
     if (!state.armed || state.on_ground) return "";
-    if (this._model.isPast("map")) return `${state.blind}: nothing is judged now, last ${this._model.since("map")}.`;
-    if (!state.guided && this._model.near().length) return "To land, hand over first: guided flight mode.";
-    return [point?.state === "unsafe" ? "The landing point is unsafe: select another." : "", state.doing].filter(Boolean).join(" Now: ");
+    const wrong = this._model.isPast("map")
+      ? `${state.blind}: nothing is judged now, last ${this._model.since("map")}.`
+      : point?.state === "unsafe" ? "The landing point is unsafe: select another." : "";
+    if (wrong || state.doing) return [wrong, state.doing].filter(Boolean).join(" Now: ");
+    return state.guided || !this._model.near().length ? "" : "To land, hand over first: guided flight mode.";
   }
 
   _descending() {

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+import pytest
+
 from companion.flight.landing.situation import Phase
 from tests.unit.companion.flight.landing.flight import Flight, zone
 
@@ -42,6 +44,22 @@ def test_after_an_abort_low_down_it_climbs_and_then_holds() -> None:
         flight.step()
     assert told(flight) == ("holds for an order", "holds here")
     assert flight.executive.outlook(flight.situation()).phase is Phase.HOLD
+
+
+@pytest.mark.parametrize(
+    ("phase", "name", "lost", "doing"),
+    [(Phase.SURVEY, "gps_lost", True, "hovers: GPS lost"), (Phase.APPROACH, "lidar_ok", False, "hovers")],
+)
+def test_a_vehicle_that_waits_for_what_is_lost_is_not_said_to_go_on(
+    phase: Phase, name: str, lost: bool, doing: str
+) -> None:
+    flight = Flight([zone(1, 20, 0)])
+    while flight.executive.phase is not phase:
+        flight.step()
+    setattr(flight, name, lost)
+    flight.run(1)
+    assert flight.executive.phase is phase
+    assert told(flight) == (doing, "holds here")
 
 
 def test_nothing_is_told_on_the_ground_and_the_autopilot_s_own_mode_when_it_flies() -> None:
