@@ -61,16 +61,20 @@ def set_up_logging(verbose: bool) -> None:
 
 
 @contextlib.contextmanager
-def page_endpoint(address: str | None, tokens: Path | None) -> Iterator[PageEndpoint | None]:
+def page_endpoint(
+    address: str | None, tokens: Path | None, background: Any = None
+) -> Iterator[PageEndpoint | None]:
     """Open the port of the pilot's page, so that its errors are reported before the flight."""
     if address is None:
-        if tokens is not None:
-            raise UsageError("--dashboard-token goes with --dashboard HOST:PORT")
+        for option, given in (("--dashboard-token", tokens), ("--background", background)):
+            if given is not None:
+                raise UsageError(f"{option} goes with --dashboard HOST:PORT")
         yield None
         return
     from companion.flight.dashboard.page import PageEndpoint
 
     with contextlib.closing(PageEndpoint(address, tokens)) as front:
+        front.background = background
         err.print(f"the pilot's page: http://{front.address}/", highlight=False)
         yield front
 

@@ -11,7 +11,7 @@ import typer
 
 import params
 from companion.cli.console import compile_at_first, err, page_endpoint, set_up_logging, stdout_console
-from companion.cli.options import DashboardToken, Json, Prior, Profile, Settings, Verbose
+from companion.cli.options import Background, DashboardToken, Json, Prior, Profile, Settings, Verbose
 from companion.desk.demo.demo_options import INTRUDERS, SCENES, DemoOptions, check
 from companion.desk.demo.demo_sensors import SENSORS, sensor_named, usual_sensor
 from companion.runtime import extras
@@ -61,6 +61,7 @@ def demo(
         ),
     ] = None,
     dashboard_token: DashboardToken = None,
+    background: Background = None,
     profile: Profile = "quadcopter",
     setting: Settings = [],  # noqa: B006 - typer reads the default
     prior: Prior = None,
@@ -85,7 +86,7 @@ def demo(
         scene, seed, speedup, out, intruder, point_rate, limit_s, chosen, prior, wind, wind_from
     )
     check(plan)
-    with page_endpoint(dashboard, dashboard_token) as front:
+    with page_endpoint(dashboard, dashboard_token, background) as front:
         summary = demonstration.fly(plan, parameters, err, context.obj, live=not headless, front=front)
     if as_json:
         print(json.dumps(summary))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
+from companion.runtime import extras
 from params import PROFILES
 
 LIDAR = (
@@ -33,6 +34,19 @@ Dashboard = Annotated[
 DashboardToken = Annotated[
     Path | None,
     typer.Option(help="File with lines 'operator TOKEN', 'viewer TOKEN': needed but on 127.0.0.1."),
+]
+
+
+def _background(file: str) -> Any:
+    """Open the picture while the arguments are read: a bad one ends the start before kernels are compiled."""
+    extras.require("survey", "--background")
+    from companion.flight.dashboard.background_picture import BackgroundPicture
+
+    return BackgroundPicture(Path(file))
+
+
+Background = Annotated[
+    Any, typer.Option(parser=_background, metavar="FILE", help="GeoTIFF or MBTiles beneath the page's map.")
 ]
 Prior = Annotated[
     Path | None,

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from companion.cli.console import page_endpoint, progress, set_up_logging, stdout_console, zone_table
-from companion.cli.options import Dashboard, DashboardToken, Json, Settings, System, Verbose
+from companion.cli.options import Background, Dashboard, DashboardToken, Json, Settings, System, Verbose
 from companion.runtime import extras
 from companion.runtime.interrupt import Interrupts
 
@@ -50,6 +50,7 @@ def replay(
     system: System = None,
     dashboard: Dashboard = None,
     dashboard_token: DashboardToken = None,
+    background: Background = None,
     setting: Settings = [],  # noqa: B006
     as_json: Json = False,
     verbose: Verbose = False,
@@ -63,7 +64,7 @@ def replay(
     from companion.desk.replay.recording_type import RecordingOptions
 
     options = RecordingOptions(points, tuple(pose), lidar, origin, profile, system, vertical_unit)
-    with page_endpoint(dashboard, dashboard_token) as front:
+    with page_endpoint(dashboard, dashboard_token, background) as front:
         if front is not None:
             from companion.desk.replay.replay_page import show
 

@@ -11,6 +11,7 @@ import typer
 from companion.cli.console import compile_at_first, page_endpoint, set_up_logging
 from companion.cli.options import (
     LIDAR,
+    Background,
     Dashboard,
     DashboardToken,
     Json,
@@ -45,6 +46,7 @@ def run(
     out: Annotated[Path | None, typer.Option(help="Folder for maps at the end.")] = None,
     dashboard: Dashboard = None,
     dashboard_token: DashboardToken = None,
+    background: Background = None,
     foxglove: Annotated[
         int | None,
         typer.Option(min=0, max=65535, metavar="PORT", help="Serve Foxglove's live view on 127.0.0.1:PORT."),
@@ -78,7 +80,7 @@ def run(
     compile_at_first(parameters.mode)
     from companion.cli import vehicle_run
 
-    with page_endpoint(dashboard, dashboard_token) as front:
+    with page_endpoint(dashboard, dashboard_token, background) as front:
         summary = vehicle_run.run(
             mavlink,
             lidar,

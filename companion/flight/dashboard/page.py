@@ -58,10 +58,13 @@ class PageEndpoint:
         self.socket = listen(wanted)
         self.address = bound(self.socket)
         self.token_check = TokenCheck(Access(self.address, known))
+        self.background: Any = None  # BackgroundPicture, which only some installations can import
 
     def close(self) -> None:
-        """Free the port."""
+        """Free the port, and stop drawing the background."""
         self.socket.close()
+        if self.background is not None:
+            self.background.worker.shutdown(wait=False, cancel_futures=True)
 
 
 def serve(endpoint: PageEndpoint, board: Board, handler: OrderHandler, about: dict[str, Any]) -> Server:
@@ -72,7 +75,9 @@ def serve(endpoint: PageEndpoint, board: Board, handler: OrderHandler, about: di
         asked = carry_out_in_time(handler, order, time.monotonic() + ANSWER_S)
         return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(asked, loop))
 
-    server = Server(lambda: Site(board, endpoint.token_check, carry_out, about), endpoint.socket)
+    server = Server(
+        lambda: Site(board, endpoint.token_check, carry_out, about, endpoint.background), endpoint.socket
+    )
     server.start()
     return server
 

@@ -89,6 +89,21 @@ def make_app(site: Site) -> ASGIApp:
         headers = {"content-encoding": "gzip", "cache-control": "no-store"}
         return Response(data, media_type="application/octet-stream", headers=headers)
 
+    @app.get("/background/{lat}/{lon}/{alt}", include_in_schema=False)
+    async def background(lat: float, lon: float, alt: float) -> Any:
+        return await site.from_background("place", (lat, lon, alt))
+
+    @app.get("/background/{lat}/{lon}/{alt}/{level}/{row}/{col}", include_in_schema=False)
+    async def background_tile(
+        request: Request, lat: float, lon: float, alt: float, level: int, row: int, col: int
+    ) -> Response:
+        etag = getattr(site.background, "etag", "")
+        if etag and request.headers.get("if-none-match") == etag:
+            return Response(status_code=304)
+        if data := await site.from_background("tile", (lat, lon, alt), level, row, col):
+            return Response(data, 200, {"etag": etag, "cache-control": "private, no-cache"}, "image/webp")
+        return PlainTextResponse("there is no picture there", 404)
+
     @app.get("/api/status", summary="State of the flight")
     async def status() -> api.Status:
         state, picture = site.board.state, site.picture

@@ -10,7 +10,9 @@ import time
 from collections import deque
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, TypeVar
+from dataclasses import astuple
+from functools import partial
+from typing import Any, Literal, TypeVar
 
 from companion.flight.dashboard.alarms import active_alarms
 from companion.flight.dashboard.board import Board
@@ -47,6 +49,8 @@ class Site:
         Passes an order to the companion and waits for the answer.
     about
         Document sent once to each page: kind of page, table of parameters.
+    background
+        `BackgroundPicture` beneath the map from above, None for none.
 
     Attributes
     ----------
@@ -65,8 +69,9 @@ class Site:
         token_check: TokenCheck,
         carry_out: Callable[[Command], Awaitable[Reply]],
         about: dict[str, Any],
+        background: Any = None,
     ) -> None:
-        self.board, self.token_check, self.about = board, token_check, about
+        self.board, self.token_check, self.about, self.background = board, token_check, about, background
         self.pyramids = TilePyramids()
         self.serving = secrets.token_hex(8)
         self.tick = 0
@@ -146,6 +151,15 @@ class Site:
         if pyramid is None or pyramid.serial != serial or not 0 <= level < LEVELS:
             return None
         return await self.in_thread(pyramid.encoded, level, row, col)
+
+    async def from_background(self, do: Literal["place", "tile"], origin: tuple[float, ...], *of: int) -> Any:
+        """Let the background's thread find its place or draw a tile; None without one or in another frame."""
+        report, picture = self.board.report, self.background
+        if picture is None or report is None or astuple(report.frame) != origin:
+            return None
+        await self.give_way()
+        work = partial(getattr(picture, do), report.frame, *of)
+        return await asyncio.get_running_loop().run_in_executor(picture.worker, work)
 
     async def collection(self) -> bytes:
         """Return the zones of the newest report as GeoJSON."""

@@ -525,6 +525,16 @@ def test_a_key_to_a_page_that_nobody_opens_is_refused(capfd: Capture, tmp_path: 
     assert "--dashboard-token goes with --dashboard" in line
 
 
+@pytest.mark.parametrize("command", [RUN, ["demo"], ["replay", "a.mcap"]])
+def test_a_background_that_is_none_is_refused_before_anything_begins(
+    capfd: Capture, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: list[str]
+) -> None:
+    monkeypatch.delattr("companion.runtime.kernel_compilation.is_first")  # which every start asks
+    (tmp_path / "photo.tif").write_bytes(b"no picture")
+    line = refusal(capfd, *command, "--background", str(tmp_path / "photo.tif"))
+    assert f"{tmp_path / 'photo.tif'}: it cannot be read as GeoTIFF" in line
+
+
 def test_map_tells_zones_and_what_it_left_out(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:

@@ -3,10 +3,12 @@
 import asyncio
 import contextlib
 import json
+import re
 import socket
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,6 +19,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 import params
+from companion.flight.dashboard.background_picture import BackgroundPicture
 from companion.flight.dashboard.board import Board
 from companion.flight.dashboard.browser_orders import Command, Simple
 from companion.flight.dashboard.page import PageEndpoint, about, carry_out_in_time, serve
@@ -24,6 +27,7 @@ from companion.flight.dashboard.security.token_check import TokenCheck
 from companion.flight.dashboard.viewer import MOST_PER_S
 from companion.flight.landing.situation import Reply
 from tests.unit.companion.flight.dashboard.test_alarms import QUIET
+from tests.unit.companion.flight.dashboard.test_background_picture import FRAME, small
 from tests.unit.companion.flight.dashboard.test_map_blocks import drawn, tile
 from tests.unit.companion.flight.landing.flight import Flight, zone
 
@@ -71,8 +75,11 @@ class Waits:
 class Served:
     """A page of a board that the test writes."""
 
-    def __init__(self, tokens: Path | None, waits: Waits | None = None) -> None:
+    def __init__(
+        self, tokens: Path | None, waits: Waits | None = None, background: BackgroundPicture | None = None
+    ) -> None:
         self.front = PageEndpoint("127.0.0.1:0", tokens)
+        self.front.background = background
         if waits is not None:
             self.front.token_check = TokenCheck(self.front.token_check.access, waits.now, waits.sleep)
         self.board = Board(params.load())
@@ -123,8 +130,10 @@ async def renew(board: Board) -> None:
 
 
 @asynccontextmanager
-async def served(tokens: Path | None = None, waits: Waits | None = None) -> AsyncIterator[Served]:
-    made = Served(tokens, waits)
+async def served(
+    tokens: Path | None = None, waits: Waits | None = None, background: BackgroundPicture | None = None
+) -> AsyncIterator[Served]:
+    made = Served(tokens, waits, background)
     made.renewing = asyncio.create_task(renew(made.board))
     try:
         yield made
@@ -212,6 +221,39 @@ async def test_a_browser_is_told_everything_and_its_orders_are_carried_out() -> 
             "t": "reply", "id": 7, "ok": True, "reason": "noted",
         }  # fmt: skip
         assert [order.do for order in s.clerk.orders] == ["abort"]
+
+
+async def test_the_background_is_served_in_the_map_frame_and_kept_by_browsers(
+    tokens: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    picture = BackgroundPicture(small(tmp_path / "a.tif", [200, 100, 50]))
+    async with served(tokens, background=picture) as s:
+        report = Flight([]).situation().report
+        assert report is not None
+        bearer = {"Authorization": f"Bearer {VIEWER}"}
+        frame, other = (f"/background/{lat}/{FRAME.lon_deg}/1500" for lat in (FRAME.lat_deg, 47.0))
+        tile = f"{frame}/3/0/0"
+        assert (await s.http(frame, **bearer))[1] == b"null"  # no map yet
+        s.board.set_report(replace(report, frame=FRAME), 12.0)
+        place = json.loads((await s.http(frame, **bearer))[1])
+        assert (place["name"], place["finest"]) == ("a.tif", 3)
+        assert place["box_m"] == pytest.approx([-1, -1, 66, 66], abs=3)
+        assert (await s.http(other, **bearer))[1] == b"null"
+        status, data = await s.http(tile, **bearer)
+        assert (status, data[8:12]) == (200, b"WEBP")
+        assert "img-src 'self' data:;" in s.head
+        etag = re.search(r"^etag: (.*)$", s.head, re.MULTILINE)
+        assert etag
+        again = await s.http(tile, **bearer, If_None_Match=etag[1].strip())
+        assert again == (304, b"")
+        for path in (tile, frame):
+            assert (await s.http(path))[0] == 401  # without a token
+        for bad in (f"{other}/0/0/0", f"{frame}/9999/0/0", "/background/nan/nan/nan/0/0/0"):
+            assert (await s.http(bad, **bearer))[0] == 404
+        assert (await s.http(f"{frame}/0/0/..%2f..%2fetc", **bearer))[0] in (404, 422)
+    async with served() as s:
+        assert (await s.http(frame))[1] == b"null"
+        assert (await s.http(tile))[0] == 404
 
 
 async def test_an_order_on_the_sight_of_old_data_is_refused_but_for_an_abort(
