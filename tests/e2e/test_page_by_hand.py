@@ -8,9 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from companion.flight.dashboard.background_picture import BackgroundPicture
 from slz import PointState
 from tests.e2e.chromium import Chromium
 from tests.e2e.shown import Shown, report
+from tests.unit.companion.flight.dashboard.test_background_picture import FRAME, small
 
 pytestmark = pytest.mark.browser
 
@@ -19,6 +21,18 @@ ZONE = (
     "(z => { const [x, y] = slz.bird.place(z.best[0], z.best[1]),"
     " b = slz.bird.canvas.getBoundingClientRect(), r = devicePixelRatio;"
     " return [b.x + x / r, b.y + y / r]; })(slz.model.near()[0])"
+)
+# Of the outline of any zone on a grey, by its line or by the halo around it, which covers 0.55 (WCAG 2.1).
+LEAST_CONTRAST = (
+    "(async (grey) => { const { STYLE } = await import('/static/zones.js');"
+    " const light = (c) => { const [r, g, b] = c.map((v) => v / 255)"
+    ".map((v) => (v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4));"
+    " return 0.2126 * r + 0.7152 * g + 0.0722 * b + 0.05; };"
+    " const under = light([grey, grey, grey]);"
+    " const rgb = (hex) => [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));"
+    " const ratio = (c) => Math.max(light(c) / under, under / light(c));"
+    " return Math.min(...Object.values(STYLE).map(({ line, halo }) =>"
+    " Math.max(ratio(rgb(line)), ratio(rgb(halo).map((v) => 0.55 * v + 0.45 * grey))))); })"
 )
 MIDDLE = (195.0, 320.0)  # of the map on a phone
 
@@ -55,6 +69,36 @@ def test_a_finger_moves_the_map_by_as_much_as_itself(phone: Chromium, shown: Sho
     assert scale == before[2]
     assert phone.script("slz.bird.follow") is False
     assert phone.script("slz.model.picked") is None
+
+
+def test_the_background_picture_lies_where_it_is_dimmed_and_can_be_switched_off(
+    phone: Chromium, tmp_path: Path
+) -> None:
+    """White, 64 m by 64 m, north-east of the origin; what is drawn over it keeps a contrast of 3:1."""
+    shown = Shown()
+    shown.front.background = BackgroundPicture(small(tmp_path / "aerial.tif", [255, 255, 255]))
+    shown.board.set_report(replace(report(), frame=FRAME), 12.0)
+    with shown:
+        opened(phone, shown)
+        shade = (
+            "((e, n) => slz.bird.canvas.getContext('2d', { willReadFrequently: true })"
+            ".getImageData(...slz.bird.place(e, n).map(Math.round), 1, 1).data[0])"
+        )
+        phone.script("slz.bird.follow = false, slz.bird.centre = [32, 32], slz.bird.scale = 4")
+        phone.until(f"{shade}(50, 50) > 60")
+        within, beyond = ((60, 4), (60, 60), (4, 60)), ((-4, 40), (40, -4), (69, 40), (40, 69))
+        assert [phone.script(f"{shade}{place} > 60") for place in within] == [True] * 3
+        assert [phone.script(f"{shade}{place} < 30") for place in beyond] == [True] * 4
+        assert phone.script(f"{LEAST_CONTRAST}({shade}(50, 50))") >= 3
+        phone.click_on("#picture")
+        phone.until(f"{shade}(50, 50) < 30")
+        assert phone.script("document.getElementById('elsewhere').hidden")
+        phone.click_on("#picture")
+        shown.state = {**shown.state, "east_m": 200.0}
+        phone.until("!document.getElementById('elsewhere').hidden")
+        assert "aerial.tif lies elsewhere" in phone.script("document.getElementById('elsewhere').innerText")
+        legend = phone.script("document.getElementById('legend').textContent")
+        assert "picture: aerial.tif, of unknown date" in legend
 
 
 def test_two_fingers_zoom_about_what_is_between_them(phone: Chromium, shown: Shown) -> None:

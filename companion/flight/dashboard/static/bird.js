@@ -1,5 +1,6 @@
 // The bird's view: the map from above, drawn on a canvas.
 
+import { SHARE } from "./background.js";
 import { amount, fitCanvas } from "./dom.js";
 import { ahead, MOVING, movingWords, radiusOf } from "./moving.js";
 import { middle, pieces, WIRE, wireWords } from "./wires.js";
@@ -16,8 +17,8 @@ const OBSTACLE_LABELS = 12;
 
 export class BirdView {
   /** onPick(east, north, zone) is called for a tap on the map. */
-  constructor(canvas, model, sheets, onPick) {
-    Object.assign(this, { canvas, model, sheets, onPick });
+  constructor(canvas, model, sheets, background, onPick) {
+    Object.assign(this, { canvas, model, sheets, background, onPick });
     this.centre = [0, 0];
     this.scale = 5;
     this.follow = true;
@@ -169,6 +170,7 @@ export class BirdView {
     const pen = this.canvas.getContext("2d");
     pen.setTransform(1, 0, 0, 1, 0, 0);
     this._unseen(pen);
+    this._picture(pen);
     this._ground(pen);
     this._zones(pen);
     this._obstacles(pen);
@@ -189,23 +191,38 @@ export class BirdView {
     pen.fillRect(0, 0, this._w, this._h);
   }
 
-  _ground(pen) {
+  /** West, south, east and north of what is in view, and metres a pixel. */
+  _view() {
     const reach = Math.hypot(this._w, this._h) / 2 / this._k;
     const [e, n] = this.centre;
-    const metresPerPixel = 1 / this._k;
-    const [c, s, k] = [Math.cos(this.turn), Math.sin(this.turn), this._k];
-    const half = this.turn ? [reach, reach] : [this._w / 2 / k, this._h / 2 / k];
-    for (const block of this.sheets.view(e - half[0], n - half[1], e + half[0], n + half[1], metresPerPixel)) {
+    const half = this.turn ? [reach, reach] : [this._w / 2 / this._k, this._h / 2 / this._k];
+    return [e - half[0], n - half[1], e + half[0], n + half[1], 1 / this._k];
+  }
+
+  /** Draw a picture of square cells whose north-western corner is known. */
+  _lay(pen, picture, west, north, cell) {
+    const [c, s] = [Math.cos(this.turn) * this._k * cell, Math.sin(this.turn) * this._k * cell];
+    pen.setTransform(c, s, -s, c, ...this.place(west, north));
+    pen.imageSmoothingEnabled = this._k * cell < 3;
+    pen.drawImage(picture, 0, 0);
+    pen.setTransform(1, 0, 0, 1, 0, 0);
+  }
+
+  /** The background picture, faint: most of what is unseen lies over it. */
+  _picture(pen) {
+    for (const tile of this.background.view(...this._view())) this._lay(pen, ...tile);
+    pen.globalAlpha = 1 - SHARE;
+    this._unseen(pen);
+    pen.globalAlpha = 1;
+  }
+
+  _ground(pen) {
+    for (const block of this.sheets.view(...this._view())) {
       const { data } = block;
-      const size = data.side * data.cell;
-      const [x, y] = this.place(data.west, data.south + size);
-      pen.setTransform(c * k * data.cell, s * k * data.cell, -s * k * data.cell, c * k * data.cell, x, y);
-      pen.imageSmoothingEnabled = k * data.cell < 3;
       pen.globalAlpha = block.sheet === "far" ? 0.72 : 1;
-      pen.drawImage(this.sheets.picture(block), 0, 0);
+      this._lay(pen, this.sheets.picture(block), data.west, data.south + data.side * data.cell, data.cell);
     }
     pen.globalAlpha = 1;
-    pen.setTransform(1, 0, 0, 1, 0, 0);
   }
 
   _zones(pen) {

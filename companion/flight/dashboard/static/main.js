@@ -1,6 +1,7 @@
 // Puts the page together.
 
 import { Alarms } from "./alarms.js";
+import { Background } from "./background.js";
 import { Bar } from "./bar.js";
 import { BirdView } from "./bird.js";
 import { Choice } from "./choice.js";
@@ -34,7 +35,9 @@ const link = new Link(
 let due = true;
 
 const choice = new Choice(model, link);
+const background = new Background(model);
 const parts = [
+  background,
   new Bar(model, link),
   new Alarms(model),
   choice,
@@ -42,8 +45,8 @@ const parts = [
   new ParameterSheet(model, link),
   new ReplayBar(model, link),
 ];
-const alarms = parts[1];
-const bird = new BirdView(byId("bird"), model, sheets, (east, north, zone) => choice.pick(east, north, zone));
+const alarms = parts.find((part) => part instanceof Alarms);
+const bird = new BirdView(byId("bird"), model, sheets, background, (east, north, zone) => choice.pick(east, north, zone));
 const pilot = new PilotView(byId("space"), byId("hud"), model, sheets);
 
 setInterval(() => {
