@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal
 
 from companion.flight.dashboard.freshness import MAP
 
 Level = Literal["critical", "warning"]
+OTHER_M = 0.5  # from the judged point: another one
 
 
 def active_alarms(state: dict[str, Any], selected: dict[str, Any] | None) -> list[dict[str, str]]:
@@ -20,8 +22,12 @@ def active_alarms(state: dict[str, Any], selected: dict[str, Any] | None) -> lis
         Landing point in the newest report, None without one.
     """
     found: list[tuple[Level, str, str]] = []
-    if MAP in state["past"]:
-        selected = None  # judged in the past
+    aim = state["aim_enu_m"]
+    elsewhere = (
+        selected is not None and aim is not None and math.dist(aim[:2], selected["enu_m"][:2]) > OTHER_M
+    )
+    if MAP in state["past"] or elsewhere:
+        selected = None  # judged in the past, or before it chose another
     water = ": may be water" if selected is not None and selected["may_be_water"] else ""
     if selected is not None and selected["state"] == "unsafe":
         by = " (far map)" if selected["judged_by"] == "far" else ""

@@ -4,6 +4,7 @@ import { percent } from "./dom.js";
 import { SURE_WORDS } from "./zones.js";
 
 const STEP_MS = 100; // between two states
+const OTHER_M = 0.5; // from the judged point: another one
 
 export class Model {
   constructor() {
@@ -93,8 +94,10 @@ export class Model {
     return this.allZones().find((zone) => zone.id === id) ?? null;
   }
 
+  /** The landing point of the newest report, null while it flies to another one that no report has judged. */
   selected() {
-    const point = this.zones?.selected ?? null;
+    const [point, aim] = [this.zones?.selected ?? null, this.aim()];
+    if (point && aim && Math.hypot(aim[0] - point.enu_m[0], aim[1] - point.enu_m[1]) > OTHER_M) return null;
     return point && this.isPast("map") ? { ...point, state: "past", certainty: null, rose: null } : point;
   }
 

@@ -19,6 +19,7 @@ QUIET: dict[str, Any] = {
     "failsafe": False,
     "estimate_lost": "",
     "gps": "",
+    "aim_enu_m": None,
     "east_m": 0.0,
     "battery_low": False,
     "no_commands": "",
@@ -61,6 +62,12 @@ def test_a_point_judged_in_the_past_is_no_alarm_but_the_silent_lidar_is() -> Non
 
 def test_a_point_that_nobody_has_seen_is_a_warning() -> None:
     assert active_alarms(QUIET, {**SAFE, "state": "unknown", "judged_by": "none"})[0]["level"] == "warning"
+
+
+def test_a_point_that_it_flies_to_no_more_raises_no_alarm() -> None:
+    unsafe = {**SAFE, "state": "unsafe", "enu_m": [10.0, 10.0, 0.0]}
+    assert keys({**QUIET, "aim_enu_m": [10.1, 10.0, 0.0]}, unsafe) == ["point-unsafe"]
+    assert keys({**QUIET, "aim_enu_m": [19.0, 10.0, 0.0]}, unsafe) == []
 
 
 @pytest.mark.parametrize(
