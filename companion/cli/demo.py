@@ -14,6 +14,7 @@ from companion.cli.console import compile_at_first, err, page_endpoint, set_up_l
 from companion.cli.options import Background, DashboardToken, Json, Prior, Profile, Settings, Verbose
 from companion.desk.demo.demo_options import INTRUDERS, SCENES, DemoOptions, check
 from companion.desk.demo.demo_sensors import SENSORS, sensor_named, usual_sensor
+from companion.desk.demo.demo_summary import table
 from companion.runtime import extras
 
 DEMO_PAGE = "127.0.0.1:0"  # any free port
@@ -91,7 +92,7 @@ def demo(
     if as_json:
         print(json.dumps(summary))
     else:
-        stdout_console().print(demonstration.table(summary))
+        stdout_console().print(table(summary))
     if not (summary["landed"] and summary["touchdown_safe"]):
         sys.exit(1)
 

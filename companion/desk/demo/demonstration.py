@@ -20,10 +20,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.console import Console
 from rich.status import Status
-from rich.table import Table
 
+from companion.desk.demo import flight_files
 from companion.desk.demo.demo_options import TAKEOFF_M, DemoOptions, check
-from companion.desk.evaluation import area_error, read_truth, touchdown
+from companion.desk.demo.flight_files import FlownMap
+from companion.desk.demo.flight_log import FlightLog, Said
+from companion.desk.evaluation import Truth, area_error, read_truth, touchdown
 from companion.flight.app import Companion
 from companion.flight.landing.situation import Phase
 from companion.runtime import extras, output_folder
@@ -67,21 +69,23 @@ def fly(
     """
     check(plan)
     output_folder.prepare(plan.out)
+    flight_files.remove(plan.out)
     started = time.perf_counter()
     interrupts.leftovers.append(lambda: console.show_cursor(True))
     shown = console if live else Console(quiet=True)
-    with _truth_folder(interrupts) as truth:
+    with _truth_folder(interrupts) as folder:
         with (
             shown.status("starting the simulator (which compiles at its first start)") as status,
-            _simulator(plan, parameters, truth, interrupts) as simulator,
+            _simulator(plan, parameters, folder, interrupts) as simulator,
         ):
-            companion, elapsed_s = _run(plan, parameters, simulator, status, interrupts, front)
+            companion, flown, elapsed_s = _run(plan, parameters, simulator, status, interrupts, front)
             status.update("judging against the truth")
             _wait(simulator.process)
+        truth = read_truth(folder)
         evaluated = _evaluate(companion, truth, parameters)
         files = _draw(companion, plan.out)
         for file in ("truth.tif", "scene.json", "flight.json"):
-            shutil.copy(truth / file, plan.out / file)
+            shutil.copy(folder / file, plan.out / file)
     summary = companion.summary | evaluated
     wall_s = time.perf_counter() - started
     summary |= {
@@ -92,33 +96,13 @@ def fly(
         "wall_s": round(wall_s, 1),
         "maps": files,
     }
+    mapped = None
+    if companion.maps is not None and companion.report is not None:
+        points = flight_files.points(summary, truth.flight.get("touchdown"))
+        mapped = FlownMap(companion.maps, companion.report, companion.settings.running, flown, points)
+    summary["files"] = flight_files.write(plan.out, mapped, summary)
     (plan.out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", "utf-8")
     return summary
-
-
-def table(summary: dict[str, Any]) -> Table:
-    """Return the summary as a table for the terminal."""
-    good = summary["landed"] and summary["touchdown_safe"]
-    verdict = "landed on safe ground" if good else "did NOT land on safe ground"
-    shown = Table(title=f"{summary['scene']}, seed {summary['seed']}: {verdict}", show_header=False)
-    error, area = summary["touchdown_error_m"], summary["area_error"]
-    tilt = summary["touchdown_tilt_deg"]
-    rows = {
-        "touchdown": "-" if error is None else f"{error:.2f} m from the chosen point (truth)",
-        "stands at": "-" if tilt is None else f"{tilt:.1f} degrees on its gear (truth)",
-        "why unsafe": summary["touchdown_fault"] or "-",
-        "zones": f"{len(summary['zones'])} now, {summary['zones_seen']} in all",
-        "area error, Eq. (20)": "-" if area is None else f"{area:.3f}",
-        "unsafe ground called safe": f"{100 * summary['unsafe_as_safe']:.3f} % of the cells seen",
-        "safe ground found": f"{100 * summary['recall']:.1f} %",
-        "aborts": f"{summary['aborts']} {', '.join(summary['abort_reasons'])}",
-        "scan to report": "p50 {p50} ms, p99 {p99} ms, max {max} ms".format(**summary["latency_ms"]),
-        "flight": f"{summary['simulated_s']:.0f} s simulated in {summary['wall_s']:.0f} s",
-        "maps": ", ".join(summary["maps"].values()) or "-",
-    }
-    for name, value in rows.items():
-        shown.add_row(name, value)
-    return shown
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,8 +123,8 @@ def _run(
     status: Status,
     interrupts: Interrupts,
     front: PageEndpoint | None,
-) -> tuple[Companion, float]:
-    """Fly on simulated time; return the stopped companion and the simulated seconds."""
+) -> tuple[Companion, FlightLog, float]:
+    """Fly on simulated time; return the stopped companion, its log and the simulated seconds."""
     with interrupts.held():
         client = LockstepClient(simulator.clock_port)
         loop = LockstepLoop(client.advance)
@@ -156,8 +140,8 @@ def _run(
         asyncio.Runner(loop_factory=lambda: loop) as runner,
     ):
         try:
-            companion = runner.run(_mission(plan, parameters, simulator, status, interrupts, front))
-            return companion, loop.time() - started
+            flown = runner.run(_mission(plan, parameters, simulator, status, interrupts, front))
+            return *flown, loop.time() - started
         finally:
             loop.let_go()
 
@@ -169,7 +153,7 @@ async def _mission(
     status: Status,
     interrupts: Interrupts,
     front: PageEndpoint | None,
-) -> Companion:
+) -> tuple[Companion, FlightLog]:
     companion = Companion(
         f"udpin:127.0.0.1:{simulator.mavlink_port}",
         f"{plan.sensor.kind}:127.0.0.1:{simulator.lidar_port}",
@@ -178,25 +162,33 @@ async def _mission(
         radar_url=f"radar:127.0.0.1:{simulator.radar_port}" if plan.sensor.radar else None,
         front=front,
         prior=plan.prior,
+        record=plan.out / flight_files.RECORDING,
     )
-    watch = asyncio.create_task(_watch(companion, plan, status, interrupts))
+    log = FlightLog()
+    watch = asyncio.create_task(_watch(companion, log, plan, status, interrupts))
     try:
         await companion.run()
     finally:
         watch.cancel()
-    return companion
+    return companion, log
 
 
-async def _watch(companion: Companion, plan: DemoOptions, status: Status, interrupts: Interrupts) -> None:
-    """Show the progress; stop the companion after landing, at the time limit or on a signal."""
+async def _watch(
+    companion: Companion, log: FlightLog, plan: DemoOptions, status: Status, interrupts: Interrupts
+) -> None:
+    """Log and show the progress; stop the companion after landing, at the time limit or on a signal."""
     loop = asyncio.get_running_loop()
     start, wall = loop.time(), time.perf_counter()
+    companion.link.on_text.subscribe(
+        lambda text, severity: log.texts.append(Said(loop.time() - start, severity, text))
+    )
     while companion.executive.phase is not Phase.LANDED and loop.time() - start < plan.limit_s:
         if interrupts.number is not None:
             companion.stop()
             return
         s = companion.situation()
         elapsed = loop.time() - start
+        log.note(elapsed, companion)
         pace = elapsed / max(1e-3, time.perf_counter() - wall)
         zones = len(companion.report.zones) if companion.report else 0
         status.update(
@@ -204,6 +196,7 @@ async def _watch(companion: Companion, plan: DemoOptions, status: Status, interr
             f"height {s.height_above_home_m:5.1f} m  zones {zones:2d}  {pace:4.1f}x real time"
         )
         await asyncio.sleep(0.5)
+    log.note(loop.time() - start, companion)
     await asyncio.sleep(SETTLE_S)
     companion.stop()
 
@@ -333,8 +326,7 @@ def _draw(companion: Companion, out: Path) -> dict[str, str]:
     return draw_flight(companion, out)
 
 
-def _evaluate(companion: Companion, truth_folder: Path, parameters: Parameters) -> dict[str, Any]:
-    truth = read_truth(truth_folder)
+def _evaluate(companion: Companion, truth: Truth, parameters: Parameters) -> dict[str, Any]:
     chosen = companion.executive.tally.chosen_enu_m
     frame = companion.history.frame
     where = frame.lla(np.asarray(chosen)) if chosen is not None and frame is not None else None

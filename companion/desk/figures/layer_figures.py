@@ -78,7 +78,7 @@ def draw_safe(axes: Axes, picture: Picture) -> None:
     colour[picture.state == SAFE, :3] = to_rgb(SAFE_ELSEWHERE)
     for zone in picture.zones:
         cells, where = picture.zone_cells(zone)
-        colour[where][cells, :3] = to_rgb(_certainty_colour(zone, picture.parameters))
+        colour[where][cells, :3] = to_rgb(certainty_colour(zone, picture.parameters))
     colour[..., :3] *= (0.75 + 0.25 * picture.shade)[..., None]
     _show(axes, picture, colour, picture.state == UNKNOWN)
     own = picture.parameters
@@ -101,7 +101,8 @@ def draw_safe(axes: Axes, picture: Picture) -> None:
     )
 
 
-def _certainty_colour(zone: Zone, parameters: Parameters) -> str:
+def certainty_colour(zone: Zone, parameters: Parameters) -> str:
+    """Return the colour of a zone by its certainty."""
     if zone.certainty >= parameters.confidence_factor:
         return CERTAIN
     return LESS_CERTAIN if zone.certainty >= parameters.uncertain_below else UNCERTAIN

@@ -23,7 +23,7 @@ from companion.flight.dashboard.tile_pyramid import LEVELS, TilePyramids
 from companion.flight.dashboard.zone_shapes import ZoneShapes
 from companion.flight.landing.situation import Reply
 from companion.flight.outputs.hazard_features import hazard_features
-from companion.flight.outputs.zone_feature import zone_feature
+from companion.flight.outputs.zone_feature import zone_features
 
 log = logging.getLogger(__name__)
 
@@ -226,11 +226,4 @@ def _geojson(past: dict[str, float | None], features: list[Any]) -> bytes:
 
 
 def _collection(past: dict[str, float | None], report: Any) -> bytes:
-    features = []
-    for name in () if report is None else ("near", "far"):
-        part = getattr(report, name)
-        for zone in part.zones:
-            feature = zone_feature(zone, part.grid, report.frame)
-            feature["properties"]["map"] = name
-            features.append(feature)
-    return _geojson(past, features)
+    return _geojson(past, [] if report is None else zone_features(report))

@@ -1,4 +1,4 @@
-"""GeoJSON feature (RFC 7946) of a zone."""
+"""GeoJSON features (RFC 7946) of zones."""
 
 from __future__ import annotations
 
@@ -13,7 +13,18 @@ from shapely.geometry.polygon import orient
 from companion.flight.outputs.corridor_ranges import corridor_ranges
 from companion.flight.outputs.zone_outline import DEGREE_DECIMALS, zone_polygon
 from companion.flight.outputs.zone_summary import zone_summary
-from slz import Grid, LocalFrame, Zone
+from slz import Grid, LocalFrame, Report, Zone
+
+
+def zone_features(report: Report) -> list[dict[str, Any]]:
+    """Return the zones of both maps of a report, each with its `map`, near or far."""
+    features = []
+    for name, part in (("near", report.near), ("far", report.far)):
+        for zone in part.zones:
+            feature = zone_feature(zone, part.grid, report.frame)
+            feature["properties"]["map"] = name
+            features.append(feature)
+    return features
 
 
 def zone_feature(zone: Zone, grid: Grid, frame: LocalFrame) -> dict[str, Any]:

@@ -12,7 +12,8 @@ from rich.console import Console
 import params
 from companion.cli.demo import demo
 from companion.desk.demo.demo_options import SCENES
-from companion.desk.demo.demonstration import gear_options, table
+from companion.desk.demo.demo_summary import table
+from companion.desk.demo.demonstration import gear_options
 from sitl.scenes import NAMES
 
 SAFE = {
@@ -21,7 +22,8 @@ SAFE = {
     "landed": True,
     "touchdown_safe": True,
     "touchdown_fault": "",
-    "touchdown_error_m": 0.12,
+    "touchdown_error_m": 0.03,
+    "off_point_m": 0.14,
     "touchdown_tilt_deg": 2.31,
     "zones": [],
     "zones_seen": 4,
@@ -34,13 +36,23 @@ SAFE = {
     "simulated_s": 100.0,
     "wall_s": 50.0,
     "maps": {},
+    "files": {"page": "out/demo/flight.html"},
 }
 
 
 @pytest.mark.parametrize(
     ("more", "texts"),
     [
-        ({}, ["streets, seed 3: landed on safe ground", "2.3 degrees on its gear"]),
+        (
+            {},
+            [
+                "streets, seed 3: landed on safe ground",
+                "2.3 degrees on its gear",
+                "0.03 m from the chosen point (simulator's truth)",
+                "0.14 m from it, as the pilot is told: by the vehicle's own position, which errs",
+                "out/demo/flight.html",
+            ],
+        ),
         (
             {
                 "touchdown_safe": False,
@@ -50,7 +62,7 @@ SAFE = {
             ["did NOT land on safe ground", "stands at 19 degrees on its gear", "19.3 degrees"],
         ),
         (
-            {"landed": False, "touchdown_error_m": None, "touchdown_tilt_deg": None},
+            {"landed": False, "touchdown_error_m": None, "off_point_m": None, "touchdown_tilt_deg": None},
             ["seed 3: did NOT land on safe ground"],
         ),
     ],

@@ -1,0 +1,87 @@
+"""Files of a demonstration flight for the user: page, GeoJSON and recording."""
+
+from __future__ import annotations
+
+import json
+import logging
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from companion.desk.demo.flight_log import FlightLog
+from companion.flight.outputs.zone_feature import zone_features
+from companion.flight.outputs.zone_outline import DEGREE_DECIMALS
+from companion.runtime import extras
+from params import Parameters
+from slz import Report, TerrainMaps
+
+log = logging.getLogger(__name__)
+
+PAGE, GEOJSON, RECORDING = "flight.html", "flight.geojson", "flight.mcap"
+CHOSEN, TRUE, ESTIMATED = "chosen point", "touchdown, true", "touchdown, estimated"
+Place = tuple[float, float, float]  # latitude, longitude (degrees), altitude (m)
+
+
+@dataclass(frozen=True, slots=True)
+class FlownMap:
+    """Maps and last report of a flight, its log, and its points by name (WGS-84)."""
+
+    maps: TerrainMaps
+    report: Report
+    parameters: Parameters
+    log: FlightLog
+    points: dict[str, Place]
+
+
+def remove(out: Path) -> None:
+    """Remove the files of an earlier flight, which would pass for those of one that ended without them."""
+    for name in (PAGE, GEOJSON, RECORDING):
+        (out / name).unlink(missing_ok=True)
+
+
+def points(summary: dict[str, Any], contact: dict[str, Any] | None) -> dict[str, Place]:
+    """Return chosen point and touchdown by name; the touchdown twice, as estimated and by the truth.
+
+    contact: touchdown of the simulator's truth, None without one.
+    """
+    told = {CHOSEN: summary["chosen"], ESTIMATED: summary["touchdown"]}
+    found = {name: (p["lat"], p["lon"], p["alt_m"]) for name, p in told.items() if p is not None}
+    if contact:
+        found[TRUE] = contact["lat"], contact["lon"], contact["alt"]
+    return found
+
+
+def write(out: Path, flown: FlownMap | None, summary: dict[str, Any]) -> dict[str, str]:
+    """Write page and GeoJSON beside the recording; return the files by kind. None: nothing was mapped."""
+    files = {"page": out / PAGE, "geojson": out / GEOJSON, "recording": out / RECORDING}
+    if flown is not None:
+        document = {"type": "FeatureCollection", "features": _features(flown)}
+        files["geojson"].write_text(json.dumps(document), "utf-8")
+        if (package := extras.missing("survey")) is not None:
+            log.warning(extras.explain("no page of the flight", package, "survey"))
+        else:
+            from companion.desk.demo.flight_page import write_page
+
+            write_page(files["page"], flown, summary)
+    return {kind: str(path) for kind, path in files.items() if path.exists()}
+
+
+def _features(flown: FlownMap) -> list[dict[str, Any]]:
+    """Return the zones as on the pilot's page, the flown path and the points; `kind` tells them apart."""
+    features = zone_features(flown.report)
+    for zone in features:
+        zone["properties"]["kind"] = "zone"
+    path = [_lonlat(moment.lla) for moment in flown.log.moments if moment.lla is not None]
+    if len(path) > 1:
+        features.append(_feature("flown path", "LineString", path))
+    return features + [_feature(name, "Point", _lonlat(place)) for name, place in flown.points.items()]
+
+
+def _feature(kind: str, shape: str, coordinates: list[Any]) -> dict[str, Any]:
+    geometry = {"type": shape, "coordinates": coordinates}
+    return {"type": "Feature", "id": kind, "properties": {"kind": kind}, "geometry": geometry}
+
+
+def _lonlat(place: Place) -> list[float]:
+    lat, lon, alt = place
+    return [round(lon, DEGREE_DECIMALS), round(lat, DEGREE_DECIMALS), round(alt, 2)]
