@@ -49,16 +49,14 @@ class BackgroundPicture:
             with path.open("rb") as file:
                 driver = "MBTiles" if file.read(6) == b"SQLite" else driver
             self._open = partial(rasterio.open, path.resolve(), driver=driver)  # other drivers may download
-            with warnings.catch_warnings(action="ignore"), self._open() as picture:
-                fault = _fault(picture)
-                if not fault:
-                    self._learn(picture)
+            quiet = warnings.catch_warnings(action="ignore")
+            with quiet, rasterio.Env(GDAL_CACHEMAX=CACHE_MB), self._open() as picture:
+                _check(path, picture)
+                self._learn(picture)
         except FAILURES as error:
             kind = "GeoTIFF (gdal_translate makes one)"
             kind = "MBTiles (vector tiles, pbf, are no picture)" if driver == "MBTiles" else kind
-            fault = f"it cannot be read as {kind}: {error}"
-        if fault:
-            raise UsageError(f"{path}: {fault}")
+            raise UsageError(f"{path}: it cannot be read as {kind}: {error}") from error
         self.etag = f'"{path.stat().st_mtime_ns:x}"'
         self.tile = lru_cache(KEPT)(self._tile)
         self.worker = ThreadPoolExecutor(1, thread_name_prefix="slz-background")
@@ -80,8 +78,10 @@ class BackgroundPicture:
         self._alpha = kinds.index(ColorInterp.alpha) if ColorInterp.alpha in kinds else 0
         colours = picture.colormap(1) if kinds[1] == ColorInterp.palette else {}
         self._palette = np.array([colours.get(i, (0, 0, 0))[:3] for i in range(256)]).T if colours else None
-        picture.read(1, window=((picture.height - 1, picture.height), (picture.width - 1, picture.width)))
-        seen = picture.read(self._bands, out_shape=(len(self._bands), SIDE, SIDE), masked=True).compressed()
+        rows, cols = (np.linspace(0, side - 1, 5).astype(int).tolist() for side in picture.shape)
+        windows = [((row, row + 64), (col, col + 64)) for row in rows for col in cols]
+        parts = [picture.read(self._bands, window=window, masked=True).compressed() for window in windows]
+        seen = np.concatenate(parts)
         self._range = np.percentile(seen, (2, 98)) if seen.size and seen.itemsize > 1 else (0, 255)
 
     def _tile(self, frame: LocalFrame, level: int, row: int, col: int) -> bytes:
@@ -122,14 +122,16 @@ def _plane(frame: LocalFrame) -> dict[str, Any]:
     return {**origin, "to_meter": 1 / (1 + frame.alt_m / EARTH_RADIUS_M)}
 
 
-def _fault(picture: Any) -> str:
-    """Return why a picture cannot be used, and what helps; empty if it can."""
+def _check(path: Path, picture: Any) -> None:
+    """Raise a UsageError that says what is wrong with a picture, and what helps."""
     high, wide = picture.block_shapes[0]
     if picture.crs is None or picture.transform.is_identity:
-        return "it does not say where it lies (no coordinate system): rio edit-info --crs EPSG:CODE sets one"
-    if (kind := picture.dtypes[0]) not in ("uint8", "uint16", "int16"):
-        return f"its pixels are {kind}: a picture of 8 or 16 bits is needed"
-    if max(picture.shape) / max(picture.overviews(1), default=1) > MOST_PX or high * wide > MOST_BLOCK_PX:
+        fault = "it does not say where it lies (no coordinate system): rio edit-info --crs EPSG:CODE sets one"
+    elif (kind := picture.dtypes[0]) not in ("uint8", "uint16", "int16"):
+        fault = f"its pixels are {kind}: a picture of 8 or 16 bits is needed"
+    elif max(picture.shape) / max(picture.overviews(1), default=1) > MOST_PX or high * wide > MOST_BLOCK_PX:
         size = f"{picture.width} x {picture.height} pixels"
-        return f"it has {size}, not in tiles with overviews: gdal_translate -of COG FILE NEW.tif makes them"
-    return ""
+        fault = f"it has {size}, not in tiles with overviews: gdal_translate -of COG FILE NEW.tif makes them"
+    else:
+        return
+    raise UsageError(f"{path}: {fault}")

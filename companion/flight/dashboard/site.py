@@ -11,7 +11,6 @@ from collections import deque
 from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import astuple
-from functools import partial
 from typing import Any, Literal, TypeVar
 
 from companion.flight.dashboard.alarms import active_alarms
@@ -158,8 +157,8 @@ class Site:
         if picture is None or report is None or astuple(report.frame) != origin:
             return None
         await self.give_way()
-        work = partial(getattr(picture, do), report.frame, *of)
-        return await asyncio.get_running_loop().run_in_executor(picture.worker, work)
+        loop, work = asyncio.get_running_loop(), getattr(picture, do)
+        return await loop.run_in_executor(picture.worker, work, report.frame, *of)
 
     async def collection(self) -> bytes:
         """Return the zones of the newest report as GeoJSON."""

@@ -21,9 +21,7 @@ from companion.runtime.errors import UsageError
 from slz.frame import LocalFrame
 
 HOME = 59.9, 10.7
-FRAME = LocalFrame(
-    59.9031, 10.7042, 1500.0
-)  # the picture's middle is 420 m away, and 1.5 km below sea level's
+FRAME = LocalFrame(59.9031, 10.7042, 4500.0)  # 420 m from the middle of the pictures
 # Colour of each marker, and its place from the picture's middle, degrees north and east.
 MARKERS = {(255, 0, 0): (0.0002, 0.0004), (0, 255, 0): (-0.00015, 0.0003), (0, 0, 255): (0.0001, -0.0004)}
 MERCATOR_M = 6_378_137.0 * math.pi

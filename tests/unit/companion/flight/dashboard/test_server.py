@@ -231,7 +231,7 @@ async def test_the_background_is_served_in_the_map_frame_and_kept_by_browsers(
         report = Flight([]).situation().report
         assert report is not None
         bearer = {"Authorization": f"Bearer {VIEWER}"}
-        frame, other = (f"/background/{lat}/{FRAME.lon_deg}/1500" for lat in (FRAME.lat_deg, 47.0))
+        frame, other = (f"/background/{lat}/{FRAME.lon_deg}/4500" for lat in (FRAME.lat_deg, 47.0))
         tile = f"{frame}/3/0/0"
         assert (await s.http(frame, **bearer))[1] == b"null"  # no map yet
         s.board.set_report(replace(report, frame=FRAME), 12.0)
