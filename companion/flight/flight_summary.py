@@ -27,8 +27,8 @@ def flight_summary(flight: FlightView) -> dict[str, Any]:
         chosen = {**_place(frame, tally.chosen_enu_m), "zone": tally.zone_id}
     landed = executive.phase is Phase.LANDED
     touchdown = None
-    if landed and flight.path_enu_m and frame is not None:
-        touchdown = _place(frame, flight.path_enu_m.last)
+    if landed and tally.landed_enu_m is not None and frame is not None:
+        touchdown = _place(frame, tally.landed_enu_m)
     return {
         "vehicle": type_name(vehicle.vehicle_type) if vehicle.sysid is not None else None,
         "no_commands": flight.link.no_command_reason,

@@ -14,7 +14,7 @@ from companion.flight.geometry.axes import heading_rad
 from companion.flight.geometry.geofence import Geofence
 from companion.flight.geometry.pose import Pose
 from companion.flight.geometry.wind import Wind
-from companion.flight.landing.situation import COMMANDING, Emergency
+from companion.flight.landing.situation import COMMANDING, Emergency, Phase
 from companion.flight.landing.ways.approach_path import ApproachPath
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
@@ -249,6 +249,16 @@ def _motion(pose: Pose | None) -> dict[str, Any]:
     }
 
 
+def landing(flight: FlightView) -> dict[str, Any] | None:
+    """Return where the vehicle landed, in which zone and how far off the point; None before."""
+    executive, frame = flight.executive, flight.history.frame
+    tally = executive.tally
+    if executive.phase is not Phase.LANDED or tally.landed_enu_m is None or frame is None:
+        return None
+    lat, lon, _ = (round(float(v), 7) for v in frame.lla(tally.landed_enu_m))
+    return {"lat": lat, "lon": lon, "zone": tally.zone_id, "off_point_m": _finite(tally.off_point_m, 2)}
+
+
 def health(flight: FlightView) -> dict[str, Any]:
     """Return rates, delays and losses of the program itself."""
     link = flight.link.statistics()
@@ -271,6 +281,7 @@ def health(flight: FlightView) -> dict[str, Any]:
         "lidar": {name: value for name, value in lidar.items() if isinstance(value, int | float | str)},
         "fusion": {name: value for name, value in fusion.items() if isinstance(value, int | float | str)},
         "recording": None if recorder is None else recorder.statistics(),
+        "landing": landing(flight),
         "parameters": flight.settings.stored.model_dump(mode="json"),
     }
 

@@ -315,6 +315,8 @@ class Executive:
             state.selection.select(moved(state.selection.enu_m))
         if state.tally.chosen_enu_m is not None:
             state.tally.chosen_enu_m = moved(state.tally.chosen_enu_m)
+        if state.tally.landed_enu_m is not None:
+            state.tally.landed_enu_m = moved(state.tally.landed_enu_m)
         if state.aim.enu_m is not None:
             state.aim.set_target(moved(state.aim.on_ground_enu_m))
 

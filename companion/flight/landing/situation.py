@@ -182,13 +182,15 @@ class Reply:
 class Tally:
     """Events so far, for the summary.
 
-    failsafes: cause of each. off_point_m: distance to the point at touchdown, None before.
+    failsafes: cause of each. landed_enu_m: place of the last touchdown; off_point_m: its distance to the
+    point. None before.
     """
 
     aborts: int = 0
     abort_reasons: list[str] = field(default_factory=list)
     hands_off: int = 0
     failsafes: list[str] = field(default_factory=list)
+    landed_enu_m: Vector | None = None
     off_point_m: float | None = None
     zone_id: int | None = None
     chosen_enu_m: Vector | None = None

@@ -86,6 +86,7 @@ class Recorder:
             metadata |= {"system": str(identity.known or ""), "remembered": str(identity.remembered or "")}
         self._display = _display()
         channels = None if self._display is None else self._display.channels
+        self._name = path.name
         self._writer = McapWriter(path, channels, int(parameters.record_mb * MIB), metadata)
         self._handler = _LogHandler(self._log)
         logging.getLogger("companion").addHandler(self._handler)
@@ -165,9 +166,10 @@ class Recorder:
         self._writer.close()
 
     def statistics(self) -> dict[str, Any]:
-        """Return messages written and dropped by topic, and the reason of an early end, if any."""
+        """Return name and size of the file, messages by topic, and the reason of an early end, if any."""
         writer = self._writer
         return {
+            "name": self._name,
             "size_mb": round(writer.size_bytes / MIB, 1),
             "written": dict(writer.written),
             "dropped": dict(writer.dropped),

@@ -39,6 +39,7 @@ class Waiting:
             state.rest(Phase.IDLE, s)
             return VehicleCommands()
         off_m = state.aim.away_m
+        state.tally.landed_enu_m = s.position_enu_m
         state.tally.off_point_m = off_m if np.isfinite(off_m) else None
         if off_m > state.parameters.off_point_m:
             state.say(Severity.WARNING, f"landed {off_m:.1f} m off the point")

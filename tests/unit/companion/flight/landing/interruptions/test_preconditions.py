@@ -123,6 +123,10 @@ def test_below_commit_height_the_pilot_is_told_how_far_off_it_lands() -> None:
 def test_a_landing_on_the_point_says_how_near_it_is() -> None:
     flight = flown_to(Phase.FINAL).fly_to(Phase.LANDED)
     assert flight.texts[-1].startswith("SLZ: landed, 0.")
+    landed_enu_m = flight.executive.tally.landed_enu_m
+    assert landed_enu_m == pytest.approx(flight.position, abs=0.2)
+    flight.executive.change_frame(lambda enu_m: enu_m + 100.0)
+    assert flight.executive.tally.landed_enu_m == pytest.approx(landed_enu_m + 100.0)
     assert flight.executive.tally.off_point_m == pytest.approx(0, abs=0.2)
 
 
