@@ -58,6 +58,7 @@ class Chromium:
             for domain in ("Page", "Runtime", "Log"):
                 self.call(f"{domain}.enable")
             self.size(width, height, phone=phone)
+            self.theme("dark")
         except BaseException:
             self._stack.close()
             raise
@@ -74,6 +75,10 @@ class Chromium:
         metrics = {"width": width, "height": height, "deviceScaleFactor": scale, "mobile": phone}
         self.call("Emulation.setDeviceMetricsOverride", **metrics)
         self.call("Emulation.setTouchEmulationEnabled", enabled=phone)
+
+    def theme(self, wish: str) -> None:
+        """Let the page believe that its user wants "light" or "dark"."""
+        self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": wish}])
 
     def open(self, url: str) -> None:
         """Go to a page."""
@@ -110,6 +115,35 @@ class Chromium:
     def click_on(self, selector: str) -> None:
         """Click in the middle of an element."""
         self.click(*self.middle(selector))
+
+    def hold(self, selector: str, by: str = "mouse") -> None:
+        """Hold a button until it is full: by mouse, finger or the name of a key, which has the focus then."""
+        self.press_on(selector, by)
+        fill = f"document.querySelector({json.dumps(selector)}).getAnimations()[0]"
+        finish = "fill.addEventListener('finish', done); fill.finish();"
+        self.script(f"new Promise((done) => {{ const fill = {fill}; {finish} }})")
+        self.let_go(by)
+
+    def press_on(self, selector: str, by: str) -> None:
+        """Press a button by mouse, finger or a key, and wait until it fills."""
+        x, y = self.middle(selector)
+        if by == "mouse":
+            self.call("Input.dispatchMouseEvent", type="mousePressed", x=x, y=y, button="left", clickCount=1)
+        elif by == "finger":
+            self.touch("touchStart", [(x, y)])
+        else:
+            self.script(f"document.querySelector({json.dumps(selector)}).focus()")
+            self.call("Input.dispatchKeyEvent", type="keyDown", key=by)
+        self.until(f"document.querySelector({json.dumps(selector)}).getAnimations().length === 1")
+
+    def let_go(self, by: str) -> None:
+        """Let go of what is pressed."""
+        if by == "mouse":
+            self.call("Input.dispatchMouseEvent", type="mouseReleased", x=0, y=0, button="left", clickCount=1)
+        elif by == "finger":
+            self.touch("touchEnd", [])
+        else:
+            self.call("Input.dispatchKeyEvent", type="keyUp", key=by)
 
     def middle(self, selector: str) -> tuple[float, float]:
         """Return where the middle of an element is."""

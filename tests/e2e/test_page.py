@@ -79,7 +79,7 @@ class Watched:
         await self.until_seen("slz.model.picked?.zone && !document.getElementById('select').disabled")
         await self.see(self.browser.click_on, "#select")
         await self.until_seen("slz.model.selected() && !document.getElementById('confirm').disabled")
-        await self.see(self.browser.click_on, "#confirm")
+        await self.see(self.browser.hold, "#confirm")
 
 
 def watch(browser: Chromium, scene: str = "plain", *, seed: int = 9) -> Watched:
@@ -152,7 +152,10 @@ def test_a_landing_confirmed_on_the_page_and_the_alarm_when_a_car_drives_in(
         await w.until_seen("document.querySelector('.alarm.critical')?.textContent.includes('UNSAFE')")
         await w.see(browser.picture, tmp_path / "alarm.png")
         await m.until_phase(Phase.LANDED)
-        await w.until_seen("slz.model.state.phase === 'landed'")
+        await w.until_seen("document.getElementById('controls') !== null")
+        summary = await w.see(browser.script, "document.getElementById('choice').innerText")
+        assert "m off the point" in summary
+        assert "abort: point unsafe" in summary
 
     w.mission.fly(script)
     assert w.mission.touchdown_safe()

@@ -6,13 +6,16 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from companion.flight.dashboard.background_picture import BackgroundPicture
-from slz import PointState
+from companion.flight.landing.situation import Reply
+from slz import Drawn, PointState
 from tests.e2e.chromium import Chromium
 from tests.e2e.shown import Shown, report
 from tests.unit.companion.flight.dashboard.test_background_picture import FRAME, small
+from tests.unit.companion.flight.dashboard.test_map_blocks import tile
 
 pytestmark = pytest.mark.browser
 
@@ -146,10 +149,9 @@ def test_a_finger_turns_the_pilots_view_and_two_bring_it_nearer(phone: Chromium,
 
 def test_abort_is_one_tap_away_whatever_is_open(phone: Chromium, shown: Shown) -> None:
     opened(phone, shown)
-    phone.tap_on("#best")
-    phone.until("document.getElementById('ask').open")
+    phone.tap_on("#legend summary")
+    phone.until("document.getElementById('legend').open")
     phone.tap_on("#abort")
-    phone.until("!document.getElementById('ask').open")
     phone.until("document.getElementById('answer').textContent === 'noted'")
     for view in ("pilot", "more", "map"):
         phone.tap_on(f"[data-show={view}]")
@@ -158,6 +160,27 @@ def test_abort_is_one_tap_away_whatever_is_open(phone: Chromium, shown: Shown) -
         "slz.link.order({ do: 'facts', east_m: 0, north_m: 0 })"
     )  # answered after what was sent before
     assert shown.clerk.done() == ["abort"] * 4
+
+
+def test_what_begins_a_landing_is_held_by_finger_mouse_or_key(phone: Chromium, shown: Shown) -> None:
+    """A tap, a click and a key that is pressed once begin nothing; the hold says so."""
+    shown.board.set_report(report(selected=True), 12.0)
+    shown.state |= {"emergency": {"zone": 1, "seconds": 22, "within_battery": True}}
+    opened(phone, shown)
+    phone.until("[...document.querySelectorAll('.hold')].every((button) => !button.disabled)")
+    ways = [("#confirm", "finger"), ("#confirm", "mouse"), ("#best", "Enter"), ("#now", " ")]
+    for selector, by in ways:
+        phone.press_on(selector, by)
+        timing = f"document.querySelector('{selector}').getAnimations()[0].effect.getTiming()"
+        assert phone.script(timing)["duration"] >= 800
+        phone.let_go(by)
+        phone.until("document.getElementById('answer').textContent === 'hold it until it is full'")
+    phone.script("slz.link.order({ do: 'facts', east_m: 0, north_m: 0 })")  # answered after what was sent
+    assert shown.clerk.done() == []
+    for selector, by in ways:
+        phone.hold(selector, by)
+        phone.until("document.getElementById('answer').textContent === 'noted'")
+    assert shown.clerk.done() == ["confirm", "confirm", "land_best", "land_now"]
 
 
 def test_all_alarms_at_once_leave_abort_on_the_screen(phone: Chromium, shown: Shown) -> None:
@@ -177,6 +200,44 @@ def test_all_alarms_at_once_leave_abort_on_the_screen(phone: Chromium, shown: Sh
     assert shown.clerk.done() == ["abort"]
 
 
+LANDING = {"lat": 47.1, "lon": 8.2, "zone": 1, "off_point_m": 0.12}
+
+
+@pytest.mark.parametrize("next_is", ["a tap", "a flight"])
+def test_a_landing_is_summed_up_until_the_next_flight_or_a_tap(
+    phone: Chromium, shown: Shown, next_is: str
+) -> None:
+    """Where, how far off, what was refused or broken off since the landing before, and the recording."""
+    for severity, text in ((4, "abort: LiDAR lost"), (5, "landed, 0.30 m off the point"), (6, "surveying")):
+        shown.board.add_text(f"SLZ: {text}", severity)
+    for severity, text in ((4, "abort: point unsafe"), (5, "landed, 0.12 m off the point")):
+        shown.board.add_text(f"SLZ: {text}", severity)
+    opened(phone, shown)
+    shown.clerk.reply = Reply(False, "no zone 1")
+    phone.hold("#best", "finger")
+    phone.until("document.getElementById('answer').textContent === 'no zone 1'")
+    flying = dict(shown.state)
+    shown.board.health = {"landing": LANDING, "recording": {"name": "flight.mcap", "ended": ""}}
+    shown.state |= {"phase": "landed", "on_ground": True, "armed": False}
+    phone.until("document.getElementById('controls') !== null")
+    words = phone.script("document.getElementById('choice').innerText")
+    for said in ("Landed · zone 1", "0.12 m off the point", "47.100000, 8.200000", "flight.mcap"):
+        assert said in words
+    assert "abort: point unsafe" in words
+    assert "refused: no zone 1" in words
+    assert "LiDAR lost" not in words  # that was the flight before
+    offered = (
+        "[...document.querySelectorAll('#acts button')]"
+        ".filter((each) => each.getBoundingClientRect().width > 0).map((each) => each.id)"
+    )
+    assert phone.script(offered) == ["abort"]
+    if next_is == "a tap":
+        phone.tap_on("#controls")
+    else:
+        shown.state = flying
+    phone.until(f"{offered}.length === 5 && document.getElementById('controls') === null")
+
+
 SIZES = [(320, 480), (390, 844), (844, 390), (820, 1180), (720, 430), (1024, 600), (1440, 860), (2560, 1440)]
 IN_SIGHT = (
     "(() => { const h = innerHeight, w = innerWidth, seen = {};"
@@ -192,12 +253,18 @@ IN_SIGHT = (
 )
 
 
-@pytest.mark.parametrize("trouble", ["none", "alarms", "all alarms open", "dialog"])
+@pytest.mark.parametrize("trouble", ["none", "alarms", "all alarms open", "landed"])
 def test_abort_phase_and_point_are_in_sight_at_every_size(
     chromium: Path, shown: Shown, trouble: str, tmp_path: Path
 ) -> None:
     """What stops the landing, what it does and where it goes to: not covered, not below the edge."""
     shown.board.set_report(report(selected=True, state=PointState.UNSAFE), 12.0)
+    if trouble == "landed":
+        shown.state |= {"phase": "landed", "on_ground": True, "armed": False}
+        shown.board.health = {
+            "landing": LANDING,
+            "recording": {"name": "flight.mcap", "size_mb": 1, "ended": ""},
+        }
     if "alarms" in trouble:
         shown.board.add_text("SLZ: LiDAR lost: take over", 2)
         shown.state |= {"heard": False, "battery_low": True, "pipeline_failed": True, "blocked": True}
@@ -206,16 +273,21 @@ def test_abort_phase_and_point_are_in_sight_at_every_size(
         if trouble == "all alarms open":
             browser.until("document.querySelector('#alarms .more') !== null")
             browser.click_on("#alarms .more")
-        if trouble == "dialog":
-            browser.script("document.getElementById('best').click()")
+        if trouble == "landed":
+            browser.until("document.body.classList.contains('landed')")
         out = {}
-        for width, height in SIZES:
-            browser.size(width, height, phone=width < 900)
-            browser.until(f"innerWidth === {width} && slz.bird.canvas.width > 0")
-            out[width, height] = browser.script(IN_SIGHT)
-            browser.picture(tmp_path / f"{width}x{height}.png")
-        # A dialog covers the point on a phone, and asks about it; all alarms, once opened, cover the map.
-        covered = {"dialog": {"badge", "map"}, "all alarms open": {"map"}}.get(trouble, set())
+        for theme in ("light", "dark"):
+            browser.theme(theme)
+            browser.until(f"document.documentElement.dataset.theme === '{theme}'")
+            for width, height in SIZES:
+                browser.size(width, height, phone=width < 900)
+                frames = browser.script("slz.bird.frames")
+                browser.until(
+                    f"innerWidth === {width} && slz.bird.frames > {frames} + 2"
+                )  # it knows its size
+                out[width, height, theme] = browser.script(IN_SIGHT)
+                browser.picture(tmp_path / f"{width}x{height}-{theme}.png")
+        covered = {"map"} if trouble == "all alarms open" else set()  # once opened, they cover the map
         out = {size: {*hidden} - covered for size, hidden in out.items()}
         assert not {size: hidden for size, hidden in out.items() if hidden}
         assert browser.errors == []
@@ -265,16 +337,113 @@ def test_a_companion_that_hangs_is_shown_as_silent(phone: Chromium, shown: Shown
     assert phone.script("document.getElementById('abort').disabled") is False
 
 
-def test_ground_surveyed_before_is_drawn_and_named_in_the_legend_where_there_is_any(
+def test_the_legend_names_all_that_the_map_may_show_and_remembers_a_tap(
+    phone: Chromium, shown: Shown
+) -> None:
+    opened(phone, shown)
+    is_open = "document.getElementById('legend').open"
+    assert phone.script(is_open) is False  # the map of a phone is small
+    phone.tap_on("#legend summary")
+    phone.until(is_open)
+    named = phone.script("[...document.querySelectorAll('#legend div div')].map((each) => each.innerText)")
+    assert {
+        "largest zone", "less certain", "uncertain", "zone of the far map", "zone not judged now",
+        "safe when surveyed", "ground", "far ground", "unknown: never seen", "landing point",
+        "landing point unsafe", "moving, in 2 s", "wire", "fence", "obstacle", "way in blocked",
+    } <= {*named}  # fmt: skip
+    phone.reload()
+    opened(phone, shown)
+    assert phone.script(is_open) is True
+
+
+CONTRASTS = Path(__file__).with_name("contrasts.js").read_text("utf-8")
+
+
+def test_words_zones_and_outlines_stand_out_in_both_themes_and_the_switch_is_remembered(
     chromium: Path, shown: Shown
 ) -> None:
-    named = "[...document.querySelectorAll('#legend div:not([hidden])')].map(e => e.textContent)"
-    live = report()
+    """4.5:1 for words, 3:1 for zones and outlines on ground in any light (WCAG 2.2, 1.4.3 and 1.4.11)."""
+    shown.board.set_report(report(selected=True), 12.0)
+    shown.board.add_text("SLZ: LiDAR lost: take over", 2)
+    shown.state |= {"heard": False, "battery_low": True}
+    shown.board.health = {"recording": None}
+    with Chromium(chromium, 1440, 860) as browser:
+        for theme in ("light", "dark"):
+            browser.theme(theme)
+            opened(browser, shown)
+            assert browser.script("document.documentElement.dataset.theme") == theme
+            for sheet in ("log", "health", "params", "zones"):
+                browser.click_on(f"[data-sheet={sheet}]")
+                least = browser.script(CONTRASTS)
+                assert len(least) > 40
+                weak = {k: v for k, v in least.items() if v < (4.5 if k.startswith("text") else 3.0)}
+                assert not weak, (theme, sheet)
+        browser.click_on("#theme")
+        browser.reload()
+        opened(browser, shown)
+        assert (
+            browser.script("document.documentElement.dataset.theme") == "light"
+        )  # whatever the system wants
+        assert browser.errors == []
+
+
+PLATES = """(() => {
+  const pen = slz.bird.canvas.getContext('2d');
+  const [round, fill] = [pen.roundRect.bind(pen), pen.fillText.bind(pen)];
+  window.plates = [], window.words = {};
+  pen.roundRect = (...box) => { window.plates.push(box); round(...box); };
+  pen.fillText = (text, x, y) => { window.words[text] = [x, y]; fill(text, x, y); };
+})()"""
+
+
+def test_labels_leave_the_vehicle_and_the_wind_free(chromium: Path, shown: Shown) -> None:
     with Chromium(chromium, 1440, 860) as browser:
         opened(browser, shown)
-        browser.until(f"{named}.length === 6")
-        assert "safe when surveyed" not in browser.script(named)
-        shown.board.set_report(replace(live, prior=live.near), 12.0)
-        browser.until("slz.model.prior().length === 1")
-        browser.until(f"{named}.includes('safe when surveyed')")
+        for at in ((10.0, 10.0), (10.0, 13.0), (13.0, 10.0)):
+            shown.state |= {"east_m": at[0], "north_m": at[1]}
+            browser.until(
+                f"Math.hypot(slz.model.pose().east - {at[0]}, slz.model.pose().north - {at[1]}) < 0.01"
+            )
+            browser.script(PLATES)
+            browser.until("window.plates.length > 1")
+            west, north, width, height = browser.script("window.plates.at(-1).slice(0, 4)")
+            x, y = browser.script(f"slz.bird.place({at[0]}, {at[1]})")
+            assert not (west < x < west + width and north < y < north + height)
+        shown.board.set_report(report(selected=True), 12.0)
+        shown.state |= {"wind": {"from_deg": 0, "speed_ms": 6.0, "gust_ms": 8.0, "source": "autopilot"}}
+        browser.until("slz.model.selected() && slz.model.state.wind")
+        browser.script(PLATES)
+        clear = "Object.entries(window.words).find(([text]) => text.startsWith('clear'))"
+        browser.until(clear)
+        _, (x, y) = browser.script(clear)
+        east, north = browser.script("slz.bird.place(10, 10)")
+        assert abs(x - east) > 20 or y > north  # not upwind, where the arrow is
+        assert browser.errors == []
+
+
+def test_far_ground_looks_different_and_is_left_out_where_the_near_map_knows_it(
+    chromium: Path, shown: Shown
+) -> None:
+    pixel = (
+        "(([x, y]) => [...slz.bird.canvas.getContext('2d').getImageData(x - 12, y - 12, 24, 24).data])"
+        "(slz.bird.place({}, {}).map(Math.round))"
+    )
+    level = tile().layers | {"height_m": np.full((64, 64), 5.0, np.float32)}
+    maps = [
+        ("near", Drawn(1, -50.0, -60.0, 0.2, (replace(tile(), layers=level),), (), 0)),
+        ("far", Drawn(2, -50.0, -60.0, 0.8, (replace(tile(), layers=level),), (), 0)),
+    ]
+    with Chromium(chromium, 1440, 860) as browser:
+        opened(browser, shown)
+        browser.script("slz.bird.follow = false, slz.bird.centre = [-35, -45], slz.bird.scale = 10")
+        seen = []
+        for each in maps:
+            shown.board.map_changes.append(each)
+            browser.until(f"[...slz.sheets.sheets.{each[0]}.blocks.values()].some((block) => block.canvas)")
+            frames = browser.script("slz.bird.frames")
+            browser.until(f"slz.bird.frames > {frames} + 1")
+            seen.append([browser.script(pixel.format(*place)) for place in ((-44, -54), (-25, -35))])
+        (near, unseen), (covered, far) = seen
+        assert near == covered
+        assert far not in (near, unseen)
         assert browser.errors == []

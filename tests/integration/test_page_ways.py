@@ -52,7 +52,7 @@ def reddish(pixel: list[int]) -> bool:
 
 
 def greenish(pixel: list[int]) -> bool:
-    return pixel[1] > 1.3 * pixel[0] and pixel[1] > 120
+    return pixel[1] > 1.3 * pixel[0] and pixel[1] > 200  # lighter than a zone
 
 
 def test_the_rose_and_the_wind_are_drawn_in_both_views(chromium: Path) -> None:
@@ -76,9 +76,6 @@ def test_the_rose_and_the_wind_are_drawn_in_both_views(chromium: Path) -> None:
         red, green, blue = browser.script(f"{PIXEL}(90, 72)")  # the arrow comes from the east
         assert min(red, green) > 200
         assert blue < 120
-        assert (
-            browser.script("[...document.querySelectorAll('#legend div')].filter(d => !d.hidden).length") >= 9
-        )
         browser.script(TINTS)
         browser.until(f"{[*WAYS, ARROW]}.every((tint) => window.tints.has(tint))")
         assert browser.errors == []

@@ -18,6 +18,7 @@ export class Alarms {
     this._beepAt = 0;
     document.addEventListener("pointerdown", () => this._wake(), { once: true });
     document.addEventListener("keydown", () => this._wake(), { once: true });
+    window.addEventListener("resize", () => this.update()); // fewer banners where the screen is low
     setInterval(() => this._sound(), 250);
   }
 

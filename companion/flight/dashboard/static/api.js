@@ -1,6 +1,7 @@
 // The OpenAPI document as a page: nothing is fetched from elsewhere.
 
 import { byId, el } from "./dom.js";
+import "./theme.js";
 
 const answer = await fetch("/api/openapi.json");
 const spec = await answer.json();

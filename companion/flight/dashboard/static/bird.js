@@ -3,11 +3,13 @@
 import { SHARE } from "./background.js";
 import { amount, fitCanvas } from "./dom.js";
 import { ahead, MOVING, movingWords, radiusOf } from "./moving.js";
+import { drawObstacle, FLOWN, movingMark, OBSTACLE, outline, pointMark, through, WAY } from "./marks.js";
 import { middle, pieces, WIRE, wireWords } from "./wires.js";
 import { corners, FENCE, fenceWords, isBeyond } from "./fence.js";
-import { rampColour } from "./paint.js";
+import { ramp } from "./paint.js";
 import { drawArrow, drawRose, roseRadius, windWords, WIND } from "./rose.js";
-import { holds, pathOf, patternsOf, STATE_STYLE, STYLE, styleOf, surfaceWords } from "./zones.js";
+import { ink } from "./theme.js";
+import { drawSurveyed, drawZone, holds, pathOf, pattern, STATE_STYLE, styleOf, surfaceWords } from "./zones.js";
 
 const FRAME_MS = 45;
 const [LEAST_SCALE, MOST_SCALE] = [0.15, 60]; // pixels a metre
@@ -35,7 +37,6 @@ export class BirdView {
       this._last = now;
       this._draw(now);
       this.frames++;
-
     };
     requestAnimationFrame(draw);
   }
@@ -142,7 +143,8 @@ export class BirdView {
 
   _pick(x, y) {
     const [east, north] = this.unplace(x, y);
-    const zone = this.model.near().find((z) => holds(z, east, north)) ?? this.model.far().find((z) => holds(z, east, north));
+    const far = this.sheets.isNear(east, north) ? [] : this.model.far(); // what is covered is not picked
+    const zone = [...this.model.near(), ...far].find((z) => holds(z, east, north));
     this.onPick(east, north, zone ?? null);
   }
 
@@ -170,9 +172,15 @@ export class BirdView {
     const pen = this.canvas.getContext("2d");
     pen.setTransform(1, 0, 0, 1, 0, 0);
     this._unseen(pen);
-    this._picture(pen);
-    this._ground(pen);
-    this._zones(pen);
+    const over = [...this.canvas.parentNode.querySelectorAll(".tools, #legend")];
+    this._taken = over.map((e) => [e.offsetLeft, e.offsetTop, e.offsetLeft + e.offsetWidth, e.offsetTop + e.offsetHeight].map((at) => at * ratio));
+    if (pose) this._claim([this.place(pose.east, pose.north)], 34 * ratio, 34 * ratio, true);
+    this._surveyed(pen);
+    const blocks = this.sheets.view(...this._view());
+    for (const far of [true, false]) {
+      this._ground(pen, blocks.filter(({ sheet }) => (sheet === "far") === far)); // the near map covers the far one
+      this._zones(pen, far);
+    }
     this._obstacles(pen);
     this._path(pen);
     this._way(pen, pose);
@@ -184,11 +192,6 @@ export class BirdView {
     if (pose) this._vehicle(pen, pose);
     this._names(pen);
     this._furniture(pen);
-  }
-
-  _unseen(pen) {
-    pen.fillStyle = "#14181d";
-    pen.fillRect(0, 0, this._w, this._h);
   }
 
   /** West, south, east and north of what is in view, and metres a pixel. */
@@ -208,121 +211,102 @@ export class BirdView {
     pen.setTransform(1, 0, 0, 1, 0, 0);
   }
 
-  /** The background picture, faint: most of what is unseen lies over it. */
-  _picture(pen) {
-    for (const tile of this.background.view(...this._view())) this._lay(pen, ...tile);
-    pen.globalAlpha = 1 - SHARE;
-    this._unseen(pen);
-    pen.globalAlpha = 1;
+  /** What was never seen: hatched; over the background picture faint, so that most of what is unseen lies over it. */
+  _unseen(pen) {
+    const fill = (style, opacity) => {
+      pen.globalAlpha = opacity;
+      pen.fillStyle = style;
+      pen.fillRect(0, 0, this._w, this._h);
+      pen.globalAlpha = 1;
+    };
+    fill(ink("unseen"), 1);
+    const tiles = this.background.view(...this._view());
+    for (const tile of tiles) this._lay(pen, ...tile);
+    if (tiles.length) fill(ink("unseen"), 1 - SHARE);
+    else fill(pattern(pen, "unseen", this._ratio), 1);
   }
 
-  _ground(pen) {
-    for (const block of this.sheets.view(...this._view())) {
+  _ground(pen, blocks) {
+    for (const block of blocks) {
       const { data } = block;
-      pen.globalAlpha = block.sheet === "far" ? 0.72 : 1;
       this._lay(pen, this.sheets.picture(block), data.west, data.south + data.side * data.cell, data.cell);
     }
-    pen.globalAlpha = 1;
   }
 
-  _zones(pen) {
-    const r = this._ratio;
-    this._surveyed(pen);
-    for (const [zones, far] of [[this.model.far(), true], [this.model.near(), false]]) {
-      for (const zone of zones) {
-        const path = pathOf(zone, this.place);
-        const style = styleOf(zone);
-        const chosen = this.model.picked?.zone?.id === zone.id;
-        pen.globalAlpha = far ? 0.55 : 1;
-        pen.fillStyle = style.fill;
-        pen.fill(path, "evenodd");
-        for (const pattern of patternsOf(pen, zone)) {
-          pattern.setTransform(new DOMMatrix().scale(r));
-          pen.fillStyle = pattern;
-          pen.fill(path, "evenodd");
-        }
-        pen.globalAlpha = 1;
-        pen.setLineDash(far ? [7 * r, 5 * r] : []);
-        pen.lineWidth = (chosen ? 5.5 : 3.5) * r;
-        pen.strokeStyle = chosen ? "#ffffff" : style.halo;
-        pen.globalAlpha = chosen ? 1 : 0.55;
-        pen.stroke(path);
-        pen.globalAlpha = 1;
-        pen.lineWidth = 1.8 * r;
-        pen.strokeStyle = style.line;
-        pen.stroke(path);
-        pen.setLineDash([]);
-      }
+  _zones(pen, far) {
+    for (const zone of far ? this.model.far() : this.model.near()) {
+      const chosen = this.model.picked?.zone?.id === zone.id;
+      drawZone(pen, pathOf(zone, this.place), zone, { far, chosen, width: 1.8 * this._ratio, scale: this._ratio });
     }
   }
 
-  /** What a survey before the flight found: grey and dotted, below all that was seen since. */
+  /** What a survey before the flight found, below all that was seen since. */
   _surveyed(pen) {
-    const r = this._ratio;
-    for (const zone of this.model.prior()) {
-      const path = pathOf(zone, this.place);
-      pen.fillStyle = STYLE.prior.fill;
-      pen.fill(path, "evenodd");
-      pen.setLineDash([2 * r, 4 * r]);
-      pen.lineWidth = 2 * r;
-      pen.strokeStyle = STYLE.prior.line;
-      pen.stroke(path);
-      pen.setLineDash([]);
-    }
+    for (const zone of this.model.prior()) drawSurveyed(pen, pathOf(zone, this.place), this._ratio);
   }
 
   _names(pen) {
     const r = this._ratio;
-    const taken = [];
-    const point = this.model.selected();
-    if (point) {
-      const [x, y] = this.place(point.enu_m[0], point.enu_m[1]);
-      const far = point.rose ? roseRadius(r) : 28 * r;
-      taken.push([x - 84 * r, y + far + 2 * r, x + 84 * r, y + far + 26 * r]); // what is said of the point comes first
-      if (point.rose) taken.push([x - far, y - far, x + far, y + far]);
-    }
-    const zones = [...this.model.near().map((z) => [z, ""]), ...this.model.far().map((z) => [z, " far"])];
-    for (const [zone, suffix] of zones) {
+    const far = this.model.far().filter(({ best: [e, n] }) => !this.sheets.isNear(e, n));
+    for (const [zone, suffix] of [...this.model.near().map((z) => [z, ""]), ...far.map((z) => [z, " far"])]) {
       const [x, y] = this.place(zone.best[0], zone.best[1]);
-      if (x < 0 || y < 0 || x > this._w || y > this._h) continue;
       if (zone.area_m2 * this._k * this._k < 900 * r * r && zone.rank > 4) continue;
-      const box = [x - 46 * r, y - (surfaceWords(zone) ? 48 : 34) * r, x + 46 * r, y - 2 * r];
-      if (taken.some((t) => box[0] < t[2] && box[2] > t[0] && box[1] < t[3] && box[3] > t[1])) continue;
-      taken.push(box);
-      pen.fillStyle = styleOf(zone).line;
-      pen.strokeStyle = "#0b0e12";
-      pen.lineWidth = 1 * r;
-      pen.beginPath();
-      pen.arc(x, y, 3.2 * r, 0, 7);
-      pen.fill();
-      pen.stroke();
       const surface = surfaceWords(zone);
-      this._plate(pen, x, y - 8 * r, [
+      const drawn = this._plate(pen, x, y, 8 * r, [
         `${zone.id}${suffix} · ${Math.round(zone.area_m2)} m²`,
         this.model.sureWords(zone),
         ...(surface ? [surface] : []),
         ...(isBeyond(this.model, zone) ? ["beyond the fence"] : []),
       ]);
+      if (!drawn) continue;
+      pen.fillStyle = styleOf(zone).line;
+      pen.strokeStyle = ink("halo");
+      pen.lineWidth = 2 * r;
+      pen.beginPath();
+      pen.arc(x, y, 3.2 * r, 0, 7);
+      pen.stroke();
+      pen.fill();
     }
   }
 
-  /** Lines of text on a dark plate above a point. */
-  _plate(pen, x, y, lines, colour = "#f2f5f7") {
+  /** Claim the first of some places (middles) where a box of this size is in view and covers nothing claimed before. */
+  _claim(places, width, height, must = false) {
+    const boxes = places.map(([x, y]) => [x - width / 2, y - height / 2, x + width / 2, y + height / 2]);
+    const isFree = ([west, north, east, south]) =>
+      west >= 0 && north >= 0 && east <= this._w && south <= this._h && !this._taken.some((t) => west < t[2] && east > t[0] && north < t[3] && south > t[1]);
+    let at = boxes.findIndex(isFree);
+    if (at < 0 && must) at = 0;
+    if (at < 0) return null;
+    this._taken.push(boxes[at]);
+    return places[at];
+  }
+
+  /** Lines of text on a plate beside a point, away from it by a gap; tell whether there was room. */
+  _plate(pen, x, y, gap, lines, colour = ink("text"), must = false) {
     const r = this._ratio;
     pen.font = `600 ${11.5 * r}px system-ui, sans-serif`;
     pen.textAlign = "center";
     pen.textBaseline = "bottom";
     const width = Math.max(...lines.map((line) => pen.measureText(line).width)) + 10 * r;
     const high = lines.length * 14 * r + 4 * r;
-    pen.fillStyle = "rgba(10, 13, 17, 0.78)";
+    const places = [gap, gap + 16 * r].flatMap((away) => {
+      const [aside, over] = [away + width / 2, away + high / 2];
+      const four = [[x, y - over], [x + aside, y], [x - aside, y], [x, y + over]];
+      return must ? four.reverse() : four;
+    });
+    const place = this._claim(places, width, high, must);
+    if (!place) return false;
+    const [left, top] = [place[0] - width / 2, place[1] - high / 2];
+    pen.fillStyle = ink("label");
     pen.beginPath();
-    pen.roundRect(x - width / 2, y - high, width, high, 4 * r);
+    pen.roundRect(left, top, width, high, 4 * r);
     pen.fill();
     lines.forEach((line, i) => {
       pen.font = `${i ? 400 : 600} ${(i ? 10.5 : 11.5) * r}px system-ui, sans-serif`;
-      pen.fillStyle = i ? "#c3ccd4" : colour;
-      pen.fillText(line, x, y - high + (i + 1) * 14 * r + 1 * r);
+      pen.fillStyle = i ? ink("text") : colour;
+      pen.fillText(line, place[0], top + (i + 1) * 14 * r + 1 * r);
     });
+    return true;
   }
 
   /** The autopilot's fence: dashes, and in words which side of them is forbidden. */
@@ -330,65 +314,36 @@ export class BirdView {
     const r = this._ratio;
     for (const boundary of this.model.state?.fence?.boundaries ?? []) {
       const places = corners(boundary).map(([e, n]) => this.place(e, n));
-      for (const [colour, width] of [[FENCE.halo, 5 * r], [FENCE.line, 2.4 * r]]) {
-        pen.strokeStyle = colour;
-        pen.lineWidth = width;
-        pen.setLineDash([12 * r, 5 * r]);
-        pen.beginPath();
-        for (const place of places) pen.lineTo(...place);
-        pen.closePath();
-        pen.stroke();
-      }
-      pen.setLineDash([]);
+      outline(pen, through(places, true), FENCE, 2.4 * r, [12 * r, 5 * r]);
       const [x, y] = places.reduce((a, b) => (b[1] < a[1] ? b : a));
-      this._tag(pen, x, Math.max(60 * r, y - 12 * r), fenceWords(boundary), FENCE.line);
+      this._tag(pen, [[x, Math.max(60 * r, y - 12 * r)]], fenceWords(boundary), FENCE.line);
+    }
+  }
+
+  /** Wires: lines where they were seen, dashes where they go on. */
+  _wires(pen) {
+    const r = this._ratio;
+    for (const wire of this.model.state?.wires ?? []) {
+      for (const shown of [true, false]) {
+        const path = new Path2D();
+        const parts = pieces(wire).filter(([, , seen]) => seen === shown);
+        for (const ends of parts) path.addPath(through(ends.slice(0, 2).map(([e, n]) => this.place(e, n))));
+        outline(pen, path, WIRE, 2.4 * r, shown ? [] : [6 * r, 5 * r]);
+      }
+      const [e, n] = middle(wire);
+      const [x, y] = this.place(e, n);
+      this._tag(pen, [[x, y + 14 * r]], wireWords(wire), WIRE.line);
     }
   }
 
   /** What moves, with the way it goes in two seconds. */
-  _wires(pen) {
-    const r = this._ratio;
-    for (const wire of this.model.state?.wires ?? []) {
-      for (const [colour, width] of [[WIRE.halo, 5 * r], [WIRE.line, 2.4 * r]]) {
-        pen.strokeStyle = colour;
-        pen.lineWidth = width;
-        for (const seen of [true, false]) {
-          pen.setLineDash(seen ? [] : [6 * r, 5 * r]);
-          pen.beginPath();
-          for (const [from, to] of pieces(wire).filter((piece) => piece[2] === seen)) {
-            pen.moveTo(...this.place(from[0], from[1]));
-            pen.lineTo(...this.place(to[0], to[1]));
-          }
-          pen.stroke();
-        }
-      }
-      pen.setLineDash([]);
-      const [e, n] = middle(wire);
-      const [x, y] = this.place(e, n);
-      this._tag(pen, x, y + 14 * r, wireWords(wire), WIRE.line);
-    }
-  }
-
   _moving(pen) {
     const r = this._ratio;
     for (const one of this.model.state?.moving ?? []) {
-      const [[x, y], [tx, ty]] = [this.place(...one.enu_m), this.place(...ahead(one))];
-      const angle = Math.atan2(ty - y, tx - x);
-      const [size, head] = [Math.max(7 * r, radiusOf(one) * this._k), 9 * r];
-      for (const [colour, width] of [[MOVING.halo, 5 * r], [MOVING.line, 2.4 * r]]) {
-        pen.strokeStyle = colour;
-        pen.lineWidth = width;
-        pen.beginPath();
-        pen.arc(x, y, size, 0, 2 * Math.PI);
-        pen.moveTo(x, y);
-        pen.lineTo(tx, ty);
-        for (const side of [-2.6, 2.6]) {
-          pen.moveTo(tx, ty);
-          pen.lineTo(tx + head * Math.cos(angle + side), ty + head * Math.sin(angle + side));
-        }
-        pen.stroke();
-      }
-      this._tag(pen, x, y + size + 14 * r, movingWords(one), MOVING.line);
+      const [x, y] = this.place(...one.enu_m);
+      const size = Math.max(7 * r, radiusOf(one) * this._k);
+      outline(pen, movingMark([x, y], this.place(...ahead(one)), size, 9 * r), MOVING, 2.4 * r);
+      this._tag(pen, [[x, y + size + 14 * r]], movingWords(one), MOVING.line);
     }
   }
 
@@ -402,36 +357,31 @@ export class BirdView {
       pen.beginPath();
       for (const [e, n] of [[west, south], [east, south], [east, north], [west, north]]) pen.lineTo(...this.place(e, n));
       pen.closePath();
-      pen.strokeStyle = "rgba(255, 159, 26, 0.95)";
-      pen.fillStyle = "rgba(255, 159, 26, 0.16)";
+      pen.strokeStyle = OBSTACLE.line;
+      pen.fillStyle = OBSTACLE.fill;
       pen.lineWidth = 1.3 * r;
       pen.fill();
       pen.stroke();
       const [x, y] = this.place(obstacle.east_m, obstacle.north_m);
-      pen.fillStyle = "#ff9f1a";
-      pen.strokeStyle = "#1a0f00";
-      pen.lineWidth = 1 * r;
-      pen.beginPath();
-      pen.moveTo(x, y - 6 * r);
-      pen.lineTo(x + 5 * r, y + 3 * r);
-      pen.lineTo(x - 5 * r, y + 3 * r);
-      pen.closePath();
-      pen.fill();
-      pen.stroke();
+      drawObstacle(pen, x, y, r);
       const crowded = labelled.some(([a, b]) => Math.abs(a - x) < 40 * r && Math.abs(b - y) < 13 * r);
       if (crowded || labelled.length >= OBSTACLE_LABELS || this.scale < 1.5) continue;
       labelled.push([x, y]);
-      this._tag(pen, x, y + 12 * r, `${obstacle.height_m.toFixed(1)} m`, "#ffcf87");
+      this._tag(pen, [[x, y + 12 * r]], `${obstacle.height_m.toFixed(1)} m`, OBSTACLE.line);
     }
   }
 
-  _tag(pen, x, y, text, colour) {
+  /** Words at the first place that is free; with one place alone they stand there whatever else does. */
+  _tag(pen, places, text, colour) {
     const r = this._ratio;
     pen.font = `600 ${10.5 * r}px system-ui, sans-serif`;
     pen.textAlign = "center";
     pen.textBaseline = "middle";
+    const place = this._claim(places, pen.measureText(text).width + 4 * r, 13 * r, places.length === 1);
+    if (!place) return;
+    const [x, y] = place;
     pen.lineWidth = 3 * r;
-    pen.strokeStyle = "rgba(10, 13, 17, 0.85)";
+    pen.strokeStyle = ink("halo");
     pen.strokeText(text, x, y);
     pen.fillStyle = colour;
     pen.fillText(text, x, y);
@@ -440,32 +390,16 @@ export class BirdView {
   _path(pen) {
     const path = this.model.path;
     if (path.length < 2) return;
-    pen.beginPath();
     const every = Math.max(1, Math.floor(path.length / 1500));
-    for (let i = 0; i < path.length; i += every) pen.lineTo(...this.place(path[i][0], path[i][1]));
-    pen.lineTo(...this.place(path.at(-1)[0], path.at(-1)[1]));
-    const r = this._ratio;
-    for (const [width, colour] of [[3.6, "rgba(8, 12, 18, 0.55)"], [1.6, "#f7f3c4"]]) {
-      pen.lineWidth = width * r;
-      pen.strokeStyle = colour;
-      pen.stroke();
-    }
+    const places = path.filter((_, i) => i % every === 0 || i === path.length - 1).map(([e, n]) => this.place(e, n));
+    outline(pen, through(places), FLOWN, 1.6 * this._ratio);
   }
 
   _way(pen, pose) {
     const aim = this.model.aim();
     if (!aim || !pose) return;
     const r = this._ratio;
-    pen.setLineDash([9 * r, 6 * r]);
-    pen.beginPath();
-    pen.moveTo(...this.place(pose.east, pose.north));
-    pen.lineTo(...this.place(aim[0], aim[1]));
-    for (const [width, colour] of [[4.5, "rgba(8, 12, 18, 0.6)"], [2.2, "#e85dff"]]) {
-      pen.lineWidth = width * r;
-      pen.strokeStyle = colour;
-      pen.stroke();
-    }
-    pen.setLineDash([]);
+    outline(pen, through([this.place(pose.east, pose.north), this.place(aim[0], aim[1])]), WAY, 2.2 * r, [9 * r, 6 * r]);
   }
 
   /** The landing point, its largest square and its clearance. */
@@ -487,34 +421,16 @@ export class BirdView {
     pen.lineWidth = 2 * r;
     pen.strokeStyle = style.line;
     pen.stroke();
-    const size = 13 * r;
-    pen.lineWidth = 5 * r;
-    pen.strokeStyle = "rgba(6, 9, 13, 0.8)";
-    for (let pass = 0; pass < 2; pass++) {
-      pen.beginPath();
-      pen.arc(x, y, size, 0, 7);
-      if (point.state === "unsafe") {
-        pen.moveTo(x - size * 0.7, y - size * 0.7);
-        pen.lineTo(x + size * 0.7, y + size * 0.7);
-        pen.moveTo(x + size * 0.7, y - size * 0.7);
-        pen.lineTo(x - size * 0.7, y + size * 0.7);
-      } else {
-        pen.moveTo(x - size * 1.45, y);
-        pen.lineTo(x - size * 0.5, y);
-        pen.moveTo(x + size * 0.5, y);
-        pen.lineTo(x + size * 1.45, y);
-        pen.moveTo(x, y - size * 1.45);
-        pen.lineTo(x, y - size * 0.5);
-        pen.moveTo(x, y + size * 0.5);
-        pen.lineTo(x, y + size * 1.45);
-      }
-      pen.stroke();
-      pen.lineWidth = 2.4 * r;
-      pen.strokeStyle = style.line;
-    }
+    outline(pen, pointMark(x, y, 13 * r, point.state === "unsafe"), style, 2.4 * r);
     if (point.rose) drawRose(pen, x, y, this.turn, point.rose, r);
-    this._plate(pen, x, y + (point.rose ? roseRadius(r) + 24 * r : 52 * r), [`${style.mark} LANDING POINT ${style.word}`], style.line);
+    const far = point.rose ? roseRadius(r) : 28 * r;
+    this._claim([[x, y]], 2 * far, 2 * far, true);
+    this._plate(pen, x, y, far + 2 * r, [`${style.mark} LANDING POINT ${style.word}`], style.line, true);
     this._windAt(pen, x, y);
+    if (!zone || Math.hypot(e - zone.best[0], n - zone.best[1]) >= 1) return;
+    const away = Math.max(far, zone.clearance_m * this._k);
+    const around = [0, 4, 2, 6, 1, 7, 3, 5].map((eighth) => (eighth * Math.PI) / 4);
+    this._tag(pen, around.map((angle) => [x + (away + 36 * r) * Math.sin(angle), y - (away + 9 * r) * Math.cos(angle)]), `clear ${zone.clearance_m.toFixed(1)} m`, style.line);
   }
 
   /** The wind as an arrow that blows towards the landing point. */
@@ -525,8 +441,9 @@ export class BirdView {
     const angle = (wind.from_deg * Math.PI) / 180 + this.turn;
     const at = (away) => [x + away * Math.sin(angle), y - away * Math.cos(angle)];
     drawArrow(pen, ...at(roseRadius(r) + 6 * r), angle, 38 * r, r);
-    const [tx, ty] = at(roseRadius(r) + (56 + 32 * Math.abs(Math.sin(angle))) * r);
-    this._tag(pen, tx, ty, windWords(wind), WIND.line);
+    this._claim([at(roseRadius(r) + 25 * r)], (16 + 38 * Math.abs(Math.sin(angle))) * r, (16 + 38 * Math.abs(Math.cos(angle))) * r, true);
+    const beside = [-30, 30].map((aside) => at(roseRadius(r) + 25 * r).map((middle, i) => middle + (i ? aside * r : 0)));
+    this._tag(pen, [at(roseRadius(r) + (56 + 32 * Math.abs(Math.sin(angle))) * r), ...beside], windWords(wind), WIND.line);
   }
 
   _room(pen, zone, x, y, style) {
@@ -544,7 +461,6 @@ export class BirdView {
       pen.beginPath();
       pen.arc(x, y, Math.max(1, zone.clearance_m * this._k), 0, 7);
       pen.stroke();
-      this._tag(pen, x, y - zone.clearance_m * this._k - 9 * r, `clear ${zone.clearance_m.toFixed(1)} m`, style.line);
     }
     pen.setLineDash([]);
   }
@@ -557,7 +473,7 @@ export class BirdView {
     const [x, y] = this.place(at[0], at[1]);
     const r = this._ratio;
     pen.lineWidth = 2 * r;
-    pen.strokeStyle = "#ffffff";
+    pen.strokeStyle = ink("chosen");
     pen.setLineDash([4 * r, 3 * r]);
     pen.beginPath();
     pen.arc(x, y, 18 * r, 0, 7);
@@ -575,8 +491,8 @@ export class BirdView {
     pen.rotate(yaw);
     const field = (FIELD_DEG * Math.PI) / 180;
     const shine = pen.createRadialGradient(0, 0, 0, 0, 0, reach);
-    shine.addColorStop(0, "rgba(255, 255, 255, 0.24)");
-    shine.addColorStop(1, "rgba(255, 255, 255, 0.02)");
+    shine.addColorStop(0, ink("shine"));
+    shine.addColorStop(1, `${ink("shine").slice(0, 7)}05`);
     pen.fillStyle = shine;
     pen.beginPath();
     pen.moveTo(0, 0);
@@ -586,11 +502,11 @@ export class BirdView {
     pen.beginPath();
     for (const [px, py] of [[0, -15], [10, 11], [0, 5], [-10, 11]]) pen.lineTo(px * r, py * r);
     pen.closePath();
-    pen.fillStyle = "#ffffff";
-    pen.strokeStyle = "#0b0e12";
-    pen.lineWidth = 2 * r;
-    pen.fill();
+    pen.fillStyle = ink("chosen");
+    pen.strokeStyle = ink("halo");
+    pen.lineWidth = 4 * r;
     pen.stroke();
+    pen.fill();
     pen.restore();
   }
 
@@ -602,7 +518,7 @@ export class BirdView {
     const length = [5, 2, 1].map((k) => k * power).find((k) => k <= wanted) ?? power;
     const [x, y, px] = [16 * r, this._h - 18 * r, length * this._k];
     pen.lineWidth = 4 * r;
-    pen.strokeStyle = "rgba(8, 12, 18, 0.8)";
+    pen.strokeStyle = ink("halo");
     for (let pass = 0; pass < 2; pass++) {
       pen.beginPath();
       pen.moveTo(x, y - 6 * r);
@@ -611,9 +527,9 @@ export class BirdView {
       pen.lineTo(x + px, y - 6 * r);
       pen.stroke();
       pen.lineWidth = 1.8 * r;
-      pen.strokeStyle = "#f2f5f7";
+      pen.strokeStyle = ink("text");
     }
-    this._tag(pen, x + px / 2, y - 10 * r, `${length >= 1 ? length : length.toFixed(1)} m`, "#f2f5f7");
+    this._tag(pen, [[x + px / 2, y - 10 * r]], `${length >= 1 ? length : length.toFixed(1)} m`, ink("text"));
     this._north(pen);
     this._wind(pen);
     if (this.sheets.shown) this._ramp(pen, x, y - 42 * r, this.sheets.shown);
@@ -624,11 +540,11 @@ export class BirdView {
     pen.save();
     pen.translate(30 * r, 74 * r);
     pen.rotate(this.turn);
-    pen.fillStyle = "rgba(10, 13, 17, 0.72)";
+    pen.fillStyle = ink("label");
     pen.beginPath();
     pen.arc(0, 0, 18 * r, 0, 7);
     pen.fill();
-    pen.fillStyle = "#f2f5f7";
+    pen.fillStyle = ink("text");
     pen.beginPath();
     for (const [px, py] of [[0, -14], [5, 3], [0, 0], [-5, 3]]) pen.lineTo(px * r, py * r);
     pen.fill();
@@ -644,25 +560,25 @@ export class BirdView {
     const r = this._ratio;
     const wind = this.model.state?.wind;
     const [x, y] = [30 * r, 116 * r];
-    if (!wind) this._tag(pen, x + 16 * r, y - 12 * r, windWords(wind), "#c3ccd4");
+    if (!wind) this._tag(pen, [[x + 16 * r, y - 12 * r]], windWords(wind), ink("text"));
     if (!wind || this.model.selected()) return;
-    pen.fillStyle = "rgba(10, 13, 17, 0.72)";
+    pen.fillStyle = ink("label");
     pen.beginPath();
     pen.arc(x, y, 18 * r, 0, 7);
     pen.fill();
     const angle = (wind.from_deg * Math.PI) / 180 + this.turn;
     drawArrow(pen, x - 14 * r * Math.sin(angle), y + 14 * r * Math.cos(angle), angle, 28 * r, r);
-    this._tag(pen, x + 22 * r, y + 27 * r, windWords(wind), WIND.line);
+    this._tag(pen, [[x + 22 * r, y + 27 * r]], windWords(wind), WIND.line);
   }
 
   _ramp(pen, x, y, layer) {
     const r = this._ratio;
     const width = 130 * r;
     const blend = pen.createLinearGradient(x, 0, x + width, 0);
-    for (let i = 0; i <= 10; i++) blend.addColorStop(i / 10, rampColour(i / 10));
+    ramp().forEach((colour, i, { length }) => blend.addColorStop(i / (length - 1), colour));
     pen.fillStyle = blend;
     pen.fillRect(x, y, width, 8 * r);
     const labels = [amount(0, layer.unit), layer.title.toLowerCase(), amount(layer.full, layer.unit)];
-    labels.forEach((label, i) => this._tag(pen, x + 8 * r + (i * (width - 16 * r)) / 2, y - 8 * r, label, "#f2f5f7"));
+    labels.forEach((label, i) => this._tag(pen, [[x + 8 * r + (i * (width - 16 * r)) / 2, y - 8 * r]], label, ink("text")));
   }
 }

@@ -2,6 +2,7 @@
 
 import { byId, el, headings, percent, setClass, setText, shown, valueOf, ways } from "./dom.js";
 import { isBeyond } from "./fence.js";
+import { Hold } from "./hold.js";
 import { STATE_STYLE, surfaceWords } from "./zones.js";
 
 const NEAR_M = 0.05; // the point under watch is the picked one
@@ -12,17 +13,20 @@ export class Choice {
     this._drawn = "";
     this._armed = false;
     this._saidAt = null;
+    this._refused = []; // orders of this flight
+    this._read = false; // the summary of the last landing
+    this._stood = false;
     byId("select").onclick = () => this.select();
-    byId("confirm").onclick = () => this.confirm();
-    byId("best").onclick = () => this._askFirst("Land at the best zone?", this._bestWords(), { do: "land_best" });
-    byId("now").onclick = () =>
-      this._askFirst("Emergency: land now?", `It takes over from any mode and lands at the zone reached soonest: ${this._soonestWords()}.`, { do: "land_now" }, true);
+    this.confirming = this._held("confirm", () => this._confirmation());
+    this._held("best", () => ({ do: "land_best" }));
+    this._held("now", () => ({ do: "land_now" }));
     byId("abort").onclick = () => this.abort();
   }
 
   /** Pick a point of the map: show what is known of it. */
   async pick(east, north, zone) {
     const picked = (this._model.picked = { east, north, zone, facts: null });
+    this._read ||= this._model.state?.phase === "landed";
     this._say("");
     this.update();
     const facts = await this._link.order({ do: "facts", east_m: east, north_m: north });
@@ -48,10 +52,18 @@ export class Choice {
     }
   }
 
-  async confirm() {
+  /** A button of an order that begins a landing: the order is that of the moment when the hold begins. */
+  _held(id, order) {
+    const ready = () => {
+      const begun = order();
+      return begun && (() => this._send(begun));
+    };
+    return new Hold(byId(id), ready, () => this._say("hold it until it is full", false));
+  }
+
+  _confirmation() {
     const point = this._model.selected();
-    if (!point || byId("confirm").disabled) return;
-    this._send({ do: "confirm", east_m: point.enu_m[0], north_m: point.enu_m[1] });
+    return point && { do: "confirm", east_m: point.enu_m[0], north_m: point.enu_m[1] };
   }
 
   /** Best ways in and out by corridor and wind, else the way in with the lowest horizon. */
@@ -76,12 +88,10 @@ export class Choice {
   }
 
   abort() {
-    byId("ask").close();
     this._send({ do: "abort" });
   }
 
   clear() {
-    byId("ask").close();
     this._model.picked = null;
     this.update();
   }
@@ -99,6 +109,7 @@ export class Choice {
     byId("confirm").disabled = !lands || !point || point.state === "unsafe" || !state.guided || this._flownTo(point);
     byId("best").disabled = !lands || !state.guided || !this._model.near().length || this._descending();
     byId("now").disabled = !lands || !state.emergency || !state.armed || state.on_ground;
+    setText(byId("best-zone"), byId("best").disabled ? "" : this._bestWords());
     byId("soonest").textContent = state?.armed && !state.on_ground ? this._soonestWords() : "";
     byId("abort").disabled = !may;
     if (this._armed && state && !state.armed) this._say(""); // the flight that the answer was of is over
@@ -106,11 +117,13 @@ export class Choice {
     this._forgetAnswer();
     setText(byId("abort-does"), state?.abort_does ?? "");
     byId("answer").dataset.hint = this._hint(point);
-    const now = JSON.stringify([picked, point, this._model.since("map"), this._model.zones?.number, this._model.about?.role]);
+    const landed = this._landing();
+    setClass(document.body, "landed", Boolean(landed));
+    const now = JSON.stringify([picked, point, landed, this._model.texts.at(-1)?.number, this._model.since("map"), this._model.zones?.number, this._model.about?.role]);
     if (now === this._drawn) return;
     this._drawn = now;
     setClass(byId("choice"), "past", this._model.isPast("map"));
-    byId("choice").replaceChildren(...(picked ? this._picked(picked) : point ? this._watched(point) : this._nothing()));
+    byId("choice").replaceChildren(...(landed ? this._landed(landed) : picked ? this._picked(picked) : point ? this._watched(point) : this._nothing()));
   }
 
   /** What is missing before an order can be given, shown while nothing was answered. */
@@ -139,6 +152,34 @@ export class Choice {
 
   _isFar(zone) {
     return !this._model.near().some((z) => z.id === zone.id);
+  }
+
+  /** Where it landed, until the next flight or a tap; null then. */
+  _landing() {
+    const { state, health } = this._model;
+    const [landed, flies] = [state?.phase === "landed", Boolean(state?.armed && !state.on_ground)];
+    if (this._stood && flies) this._refused = []; // the next flight
+    this._stood = landed && !flies;
+    this._read = landed && (this._read || flies);
+    return landed && !this._read ? (health?.landing ?? null) : null;
+  }
+
+  /** Summary of the landing: where, how far off, what was refused or broken off on the way, the recording. */
+  _landed({ lat, lon, zone, off_point_m: off }) {
+    const { health } = this._model;
+    const far = off > (health.parameters?.off_point_m ?? Infinity);
+    const way = [...this._model.warnings().map((x) => x.text.replace("SLZ: ", "")), ...this._refused.map((reason) => `refused: ${reason}`)];
+    const close = () => {
+      this._read = true;
+      this.update();
+    };
+    return [
+      el("h2", {}, `Landed${zone === null ? "" : ` · zone ${zone}`}`, this._badge(far ? "uncertain" : "certain", `${shown(off, 2, "m")} off the point`)),
+      this._facts([["Where", `${lat.toFixed(6)}, ${lon.toFixed(6)}`, "wide"], ["Recording", health.recording?.name ?? "none", "wide"]]),
+      el("h3", { text: "Refused or broken off on the way" }),
+      ...(way.length ? way : ["nothing"]).map((text) => el("div", { class: "said", text })),
+      el("button", { class: "act", id: "controls", text: "Show the controls", onclick: close }),
+    ];
   }
 
   _nothing() {
@@ -244,28 +285,15 @@ export class Choice {
 
   _bestWords() {
     const zone = this._model.near()[0];
-    return zone ? `Zone ${zone.id}, ${Math.round(zone.area_m2)} m², ${percent(zone.certainty)} certain, ranks first now.` : "";
+    return zone ? `zone ${zone.id}, ${Math.round(zone.area_m2)} m², ${this._model.sureWords(zone)}` : "";
   }
 
   // ---- orders ----------------------------------------------------------------------------------
 
-  _askFirst(title, words, order, danger = false) {
-    const dialog = byId("ask");
-    setClass(dialog, "danger", danger);
-    const yes = el("button", { class: "act go", id: "yes", text: "Yes, land" });
-    yes.onclick = () => {
-      dialog.close();
-      this._send(order);
-    };
-    const no = el("button", { class: "act", text: "No", onclick: () => dialog.close() });
-    dialog.replaceChildren(el("h2", { text: title }), el("p", { text: words }), el("div", { class: "row" }, no, yes));
-    dialog.show(); // not modal: the abort button stays within reach
-    yes.focus();
-  }
-
   async _send(order) {
     this._say("…");
     const { ok, reason } = await this._link.order(order);
+    if (!ok) this._refused.push(reason);
     this._say(reason || (ok ? "done" : "refused"), ok);
     return ok;
   }

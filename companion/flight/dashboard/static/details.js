@@ -1,6 +1,7 @@
 // The tables beside the map: zones, messages, the program's own health.
 
 import { byId, el, fitCanvas, percent, setClass, shown } from "./dom.js";
+import { ink } from "./theme.js";
 import { styleOf, SURE_WORDS, surfaceWords } from "./zones.js";
 
 const MOST_LATENCIES = 300;
@@ -42,7 +43,7 @@ export class Details {
   _zones() {
     const row = (zone, far) => {
       const swatch = el("span", { class: "swatch" });
-      swatch.style.background = styleOf(zone).line;
+      swatch.style.background = `var(--${styleOf(zone).name}-fill)`;
       const line = el(
         "tr",
         { class: `pick${this.model.picked?.zone?.id === zone.id ? " chosen" : ""}`, tabindex: 0, "data-zone": zone.id },
@@ -134,8 +135,8 @@ export class Details {
     const pen = canvas.getContext("2d");
     const most = Math.max(100, ...values) * 1.1;
     pen.font = `${10 * ratio}px system-ui, sans-serif`;
-    pen.fillStyle = "#9aa7b3";
-    pen.strokeStyle = "#2b343e";
+    pen.fillStyle = ink("dim");
+    pen.strokeStyle = ink("line");
     for (const share of [0.25, 0.5, 0.75]) {
       const y = height * (1 - share);
       pen.beginPath();
@@ -147,12 +148,12 @@ export class Details {
     if (!values.length) return;
     pen.beginPath();
     values.forEach((ms, i) => pen.lineTo((width * (i + MOST_LATENCIES - values.length)) / (MOST_LATENCIES - 1), height * (1 - ms / most)));
-    pen.strokeStyle = "#4cc2ff";
+    pen.strokeStyle = ink("info");
     pen.lineWidth = 1.6 * ratio;
     pen.stroke();
     const sorted = [...values].sort((a, b) => a - b);
     const at = (share) => sorted[Math.min(sorted.length - 1, Math.floor(share * sorted.length))];
-    pen.fillStyle = "#eef2f5";
+    pen.fillStyle = ink("text");
     pen.textAlign = "right";
     pen.fillText(`p50 ${at(0.5).toFixed(0)}  p99 ${at(0.99).toFixed(0)}`, width - 4 * ratio, 12 * ratio);
   }

@@ -1,6 +1,8 @@
 // The autopilot's fence: its boundaries as dashes on the map and as walls in space.
 
-export const FENCE = { line: "#ff4d6d", halo: "rgba(8, 12, 18, 0.85)" };
+import { inks } from "./theme.js";
+
+export const FENCE = inks("fence");
 const CIRCLE_CORNERS = 72;
 
 /** Corners of a boundary, east and north: of a polygon its own, of a circle points around it. */

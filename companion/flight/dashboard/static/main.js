@@ -7,14 +7,14 @@ import { BirdView } from "./bird.js";
 import { Choice } from "./choice.js";
 import { Details } from "./details.js";
 import { byId, el } from "./dom.js";
+import { drawLegend } from "./legend.js";
 import { Link } from "./link.js";
 import { Model } from "./model.js";
 import { ParameterSheet } from "./parameters.js";
 import { PilotView } from "./pilot.js";
 import { ReplayBar } from "./replay.js";
-import { drawSwatch, WAYS } from "./rose.js";
 import { Sheets } from "./sheets.js";
-import { patternsOf, STATE_STYLE, STYLE } from "./zones.js";
+import { switchTheme } from "./theme.js";
 
 const model = new Model();
 const sheets = new Sheets(() => {});
@@ -56,9 +56,6 @@ setInterval(() => {
   if (due || gone) {
     due = false;
     for (const part of parts) part.update();
-    for (const way of ways) way.hidden = !model.selected()?.rose;
-    surveyed.hidden = model.prior().length === 0;
-    for (const [surface, shown] of surfaces) shown.hidden = !model.allZones().some((zone) => zone.surface === surface);
   }
 }, 100);
 
@@ -93,6 +90,9 @@ byId("zoom-out").onclick = () => bird.zoom(1 / 1.35);
 byId("fit").onclick = () => bird.fit();
 byId("follow").onclick = () => (bird.follow = !bird.follow);
 byId("track").onclick = () => (bird.trackUp = !bird.trackUp);
+byId("theme").onclick = switchTheme;
+document.documentElement.addEventListener("theme", drawLegend);
+drawLegend();
 setInterval(() => {
   byId("follow").setAttribute("aria-pressed", String(bird.follow));
   byId("track").setAttribute("aria-pressed", String(bird.trackUp));
@@ -101,78 +101,16 @@ setInterval(() => {
 document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
   const key = event.key.length === 1 ? event.key.toLowerCase() : event.key; // with caps lock on, too
-  // Where letters are written they are letters; in any other field and before a question only these two act.
+  // Where letters are written they are letters; in any other field only these two act.
   if (event.target.closest("input[type=search], input[type=text]")) return;
-  if (event.target.closest("input, select, dialog") && key !== "a" && key !== "Escape") return;
+  if (event.target.closest("input, select") && key !== "a" && key !== "Escape") return;
   const acts = {
-    a: () => choice.abort(), s: () => choice.select(), c: () => choice.confirm(), k: () => alarms.acknowledge(),
+    a: () => choice.abort(), s: () => choice.select(), c: () => choice.confirming.begin(), k: () => alarms.acknowledge(),
     f: () => byId("follow").click(), t: () => byId("track").click(), Escape: () => choice.clear(),
   };
   if (!(key in acts)) return;
   event.preventDefault(); // a list would choose by the letter
   acts[key]();
 });
-
-// ---- legend ------------------------------------------------------------------------------------
-
-function swatch(draw) {
-  const canvas = el("canvas", { width: 52, height: 28 });
-  const pen = canvas.getContext("2d");
-  pen.fillStyle = "#8b8f88";
-  pen.fillRect(0, 0, 52, 28);
-  draw(pen);
-  return canvas;
-}
-
-function area(style, sure, surface = "") {
-  return swatch((pen) => {
-    pen.fillStyle = style.fill;
-    pen.fillRect(0, 0, 52, 28);
-    for (const pattern of patternsOf(pen, { sure, surface })) {
-      pen.fillStyle = pattern;
-      pen.fillRect(0, 0, 52, 28);
-    }
-    pen.strokeStyle = style.line;
-    pen.lineWidth = 4;
-    pen.strokeRect(1, 1, 50, 26);
-  });
-}
-
-const dark = swatch((pen) => {
-  pen.fillStyle = "#14181d";
-  pen.fillRect(0, 0, 52, 28);
-});
-const unsafe = swatch((pen) => {
-  pen.fillStyle = STATE_STYLE.unsafe.fill;
-  pen.fillRect(0, 0, 52, 28);
-  pen.strokeStyle = STATE_STYLE.unsafe.line;
-  pen.lineWidth = 5;
-  pen.strokeRect(2, 2, 48, 24);
-});
-const entry = (picture, text) => el("div", {}, picture, el("span", { text }));
-const dotted = swatch((pen) => {
-  pen.fillStyle = STYLE.prior.fill;
-  pen.fillRect(0, 0, 52, 28);
-  pen.setLineDash([4, 8]);
-  pen.lineWidth = 4;
-  pen.strokeStyle = STYLE.prior.line;
-  pen.strokeRect(2, 2, 48, 24);
-});
-const surveyed = entry(dotted, "safe when surveyed");
-const surfaces = ["roof", "low vegetation"].map((surface) => [surface, entry(area(STYLE.certain, "certain", surface), surface)]);
-const ways = Object.entries(WAYS).map(([state, { word }]) => entry(swatch((pen) => drawSwatch(pen, state)), word));
-byId("legend").append(
-  ...[
-    [area(STYLE.largest, "certain"), "largest zone"],
-    [area(STYLE.certain, "certain"), "zone, certain"],
-    [area(STYLE.certain, "less"), "less certain"],
-    [area(STYLE.uncertain, "uncertain"), "uncertain"],
-    [unsafe, "landing point unsafe"],
-    [dark, "never seen"],
-  ].map((each) => entry(...each)),
-  ...surfaces.map(([, shown]) => shown),
-  surveyed,
-  ...ways,
-);
 
 window.slz = { model, sheets, link, bird, pilot }; // for tests and the curious

@@ -3,6 +3,7 @@
 import { percent } from "./dom.js";
 import { SURE_WORDS } from "./zones.js";
 
+const WARNING = 4; // severity of MAVLink's STATUSTEXT
 const STEP_MS = 100; // between two states
 const OTHER_M = 0.5; // from the judged point: another one
 
@@ -108,6 +109,12 @@ export class Model {
 
   get operator() {
     return this.about?.role === "operator";
+  }
+
+  /** Warnings and worse of the last flight: after the landing before, if there was one. */
+  warnings() {
+    const ends = this.texts.filter(({ text }) => /^SLZ: (landed|disarmed)/.test(text));
+    return this.texts.filter((x) => x.severity <= WARNING && !(x.number <= ends.at(-2)?.number));
   }
 
   /** Pose at a moment, between the last two that came, so that it moves without steps. */

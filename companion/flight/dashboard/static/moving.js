@@ -1,6 +1,8 @@
 // What moves around the vehicle: a ring of its size, and an arrow to where it will be in two seconds.
 
-export const MOVING = { line: "#ff5ce1", halo: "rgba(8, 12, 18, 0.85)" };
+import { inks } from "./theme.js";
+
+export const MOVING = inks("moving");
 export const AHEAD_S = 2;
 const LEAST_RADIUS_M = 0.5;
 

@@ -1,21 +1,21 @@
 // Colours of the maps. Ramps differ in lightness all the way, so that they read without hue.
 
+import { ink } from "./theme.js";
+
 const LIGHT = unit([-1, 1, 1.25]); // from the north-west
 const EXAGGERATION = 1.6;
-// Dark blue to yellow (cividis), by numbers of 0 to 1.
-const RAMP = [
-  [0, 32, 76], [0, 52, 110], [57, 72, 107], [87, 93, 109], [112, 113, 115], [138, 134, 120], [165, 156, 116],
-  [195, 179, 105], [225, 204, 85], [255, 234, 70],
-];
-// Ground by height: slate to sand, light enough for what is drawn on it.
-const GROUND = [[92, 104, 118], [112, 122, 126], [134, 138, 132], [158, 154, 138], [184, 174, 150], [208, 198, 176]];
+const FAR_STEP = 5; // cells between the hatches over ground that only the far map knows
 
 function unit(v) {
   const length = Math.hypot(...v);
   return v.map((x) => x / length);
 }
 
-function table(stops) {
+const bytes = (colour) => [1, 3, 5].map((at) => parseInt(colour.slice(at, at + 2), 16));
+
+/** A table of 256 colours, blended from those of a list. */
+function table(colours) {
+  const stops = colours.map(bytes);
   const out = new Uint8Array(256 * 3);
   for (let i = 0; i < 256; i++) {
     const at = (i / 255) * (stops.length - 1);
@@ -25,16 +25,11 @@ function table(stops) {
   return out;
 }
 
-const RAMP_TABLE = table(RAMP);
-const GROUND_TABLE = table(GROUND);
-
-export const rampColour = (share) => {
-  const i = 3 * Math.round(255 * Math.min(1, Math.max(0, share)));
-  return `rgb(${RAMP_TABLE[i]}, ${RAMP_TABLE[i + 1]}, ${RAMP_TABLE[i + 2]})`;
-};
+/** Colours of the layers, from none to full: dark blue to yellow (cividis). */
+export const ramp = () => ink("ramp").split(" ");
 
 /** Paint a block into a canvas, north up, by a layer or as ground where it is null; what is unknown stays clear. */
-export function paint(data, layer, canvas) {
+export function paint(data, layer, canvas, far) {
   const { side, height, cell } = data;
   canvas = canvas ?? document.createElement("canvas");
   canvas.width = canvas.height = side;
@@ -43,6 +38,10 @@ export function paint(data, layer, canvas) {
   const out = image.data;
   const plane = layer && data.planes[layer.name];
   const full = layer && Math.round(layer.full / layer.step);
+  const kind = far ? "far" : "ground";
+  const tones = plane ? table(ramp()) : table([ink(`${kind}-low`), ink(`${kind}-high`)]);
+  const shadow = bytes(ink(`${kind}-shadow`));
+  const unknown = bytes(ink("ramp-unknown"));
   const reach = cell < 0.5 ? 2 : 1; // returns are noisy: shade over a metre or so
   for (let row = 0; row < side; row++) {
     let at = 4 * (side - 1 - row) * side;
@@ -51,26 +50,15 @@ export function paint(data, layer, canvas) {
       const h = height[i];
       const value = plane ? plane[i] : 0;
       if (!(h === h) && (!plane || value === 255)) continue;
-      const light = h === h ? shade(height, side, row, col, reach, cell) : 1;
-      let lookup = GROUND_TABLE;
-      let number;
-      if (!plane) {
-        number = ((((h / 30) % 2) + 2) % 2) * 255; // up over 30 m, down over the next: no jump of colour
-        number = number > 255 ? 510 - number : number;
-      } else {
-        if (value === 255) {
-          lookup = null;
-          number = 0;
-        } else {
-          lookup = RAMP_TABLE;
-          number = (value * 255) / full;
-        }
+      let light = h === h ? shade(height, side, row, col, reach, cell) : 0.75;
+      if (far && (row + col) % FAR_STEP === 0) light *= 0.4;
+      const share = plane ? Math.min(1, 0.59 + 0.42 * light) : light;
+      const turn = (((h / 30) % 2) + 2) % 2; // up over 30 m, down over the next: no jump of colour
+      const k = 3 * Math.round(255 * Math.min(1, plane ? value / full : Math.min(turn, 2 - turn)));
+      for (let c = 0; c < 3; c++) {
+        const base = plane ? 0 : shadow[c];
+        out[at + c] = base + share * ((plane && value === 255 ? unknown[c] : tones[k + c]) - base);
       }
-      const k = 3 * Math.round(Math.min(255, number));
-      const soft = !plane ? light : 0.45 + 0.55 * light;
-      out[at] = (lookup ? lookup[k] : 60) * soft;
-      out[at + 1] = (lookup ? lookup[k + 1] : 60) * soft;
-      out[at + 2] = (lookup ? lookup[k + 2] : 66) * soft;
       out[at + 3] = 255;
     }
   }
@@ -78,6 +66,7 @@ export function paint(data, layer, canvas) {
   return canvas;
 }
 
+/** How much light a cell gets, 0 to 1. */
 function shade(height, side, row, col, reach, cell) {
   const r0 = Math.max(0, row - reach);
   const r1 = Math.min(side - 1, row + reach);
@@ -91,5 +80,5 @@ function shade(height, side, row, col, reach, cell) {
   const gx = (EXAGGERATION * (at(row, c1) - at(row, c0))) / ((c1 - c0) * cell);
   const gy = (EXAGGERATION * (at(r1, col) - at(r0, col))) / ((r1 - r0) * cell);
   const dot = (-gx * LIGHT[0] - gy * LIGHT[1] + LIGHT[2]) / Math.hypot(gx, gy, 1);
-  return Math.min(1.25, Math.max(0.25, 0.25 + 1.0 * dot));
+  return Math.min(1, Math.max(0, 1.3 * dot));
 }

@@ -2,15 +2,15 @@
 
 import { fitCanvas } from "./dom.js";
 import { add, drawsInSoftware, looking, multiply, perspective, program, project } from "./gl.js";
-import { corners, FENCE } from "./fence.js";
+import { corners } from "./fence.js";
 import { Terrain } from "./terrain.js";
 import { ahead, MOVING, movingWords, radiusOf } from "./moving.js";
 import { middle, pieces, WIRE, wireWords } from "./wires.js";
 import { drawArrow, petals, reach, STEP_DEG, WAYS, WIND, windWords } from "./rose.js";
+import { ink, tint } from "./theme.js";
 import { STATE_STYLE, styleOf, surfaceWords } from "./zones.js";
 
 const FRAME_MS = 60;
-const SKY = [0.36, 0.45, 0.55];
 const FIELD = (56 * Math.PI) / 180;
 const REACH_M = 110;
 const EYE_DOWN_DEG = 28;
@@ -119,7 +119,8 @@ export class PilotView {
     const drawn = fitCanvas(this.canvas, this.plain ? 0.6 : 1);
     const { width, height, ratio } = fitCanvas(this.hud);
     gl.viewport(0, 0, drawn.width, drawn.height);
-    gl.clearColor(...SKY, 1);
+    const sky = tint("sky").slice(0, 3);
+    gl.clearColor(...sky, 1);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     const pen = this.hud.getContext("2d");
     pen.clearRect(0, 0, width, height);
@@ -129,7 +130,7 @@ export class PilotView {
     const view = this._view(pose);
     const matrix = multiply(perspective(FIELD, width / height, 0.5, 8000), looking(view.eye, view.forward, view.up));
     this._backdrop(view, pose);
-    this.terrain.draw(matrix, [view.middle[0], view.middle[1]], REACH_M, SKY);
+    this.terrain.draw(matrix, [view.middle[0], view.middle[1]], REACH_M, sky);
     this._solids(matrix, pose);
     this._labels(pen, matrix, width, height, ratio);
     this._instruments(pen, pose, view, matrix, width, height, ratio);
@@ -141,7 +142,7 @@ export class PilotView {
     const words = !state ? "" : state.connected ? `No position, last ${this.model.since("position")}` : "No autopilot: no position";
     pen.font = `700 ${18 * r}px system-ui, sans-serif`;
     pen.textAlign = "center";
-    pen.fillStyle = "#eef2f5";
+    pen.fillStyle = ink("text");
     pen.fillText(words, width / 2, height / 2);
   }
 
@@ -172,13 +173,12 @@ export class PilotView {
     const far = 5000;
     const ground = pose.up - Math.max(2, this.model.state?.height_m ?? this.model.state?.height_home_m ?? 20) - 1.5;
     const low = ground - 40; // below all ground that was seen, which it would hide
-    const tint = [0.12, 0.14, 0.17, 1];
-    this._face([e - far, n - far, low], [e + far, n - far, low], [e + far, n + far, low], [e - far, n + far, low], tint);
+    this._face([e - far, n - far, low], [e + far, n - far, low], [e + far, n + far, low], [e - far, n + far, low], tint("unseen"));
     const [e0, n0] = [GRID_M * Math.round(e / GRID_M), GRID_M * Math.round(n / GRID_M)];
     for (let k = -10; k <= 10; k++) {
       const [reach, at] = [10 * GRID_M, k * GRID_M];
-      this._line([e0 + at, n0 - reach, ground], [e0 + at, n0 + reach, ground], [0.55, 0.62, 0.7, 0.22]);
-      this._line([e0 - reach, n0 + at, ground], [e0 + reach, n0 + at, ground], [0.55, 0.62, 0.7, 0.22]);
+      this._line([e0 + at, n0 - reach, ground], [e0 + at, n0 + reach, ground], tint("unseen-hatch"));
+      this._line([e0 - reach, n0 + at, ground], [e0 + reach, n0 + at, ground], tint("unseen-hatch"));
     }
   }
 
@@ -231,21 +231,21 @@ export class PilotView {
   _zoneLines() {
     const point = this.model.selected();
     if (!point) return;
-    const tint = colour(STATE_STYLE[point.state].line);
+    const shade = tint(point.state);
     const up = (point.height_m ?? point.enu_m[2] ?? 0) + 0.25;
     const [e, n] = point.enu_m;
     const zone = this.model.near().find((z) => z.id === point.zone);
     const half = this.model.zones.footprint_m / 2;
     const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => [e + i * half, n + j * half, up]);
-    this._face(...corners, [...tint.slice(0, 3), 0.45]);
-    corners.forEach((corner, i) => this._bar(corner, corners[(i + 1) % 4], 0.12, tint));
-    this._bar([e, n, up], [e, n, up + 4], 0.08, tint);
+    this._face(...corners, tint(point.state, 0.45));
+    corners.forEach((corner, i) => this._bar(corner, corners[(i + 1) % 4], 0.12, shade));
+    this._bar([e, n, up], [e, n, up + 4], 0.08, shade);
     if (!zone) return;
     let last = null;
     for (let i = 0; i <= 40; i++) {
       const angle = (i * Math.PI) / 20;
       const next = [e + zone.clearance_m * Math.sin(angle), n + zone.clearance_m * Math.cos(angle), up + 0.1];
-      if (last && i % 2) this._bar(last, next, 0.07, tint);
+      if (last && i % 2) this._bar(last, next, 0.07, shade);
       last = next;
     }
   }
@@ -261,27 +261,27 @@ export class PilotView {
     };
     const [inner, short, long] = ROSE_M;
     for (const petal of petals(point.rose)) {
-      const [r, g, b] = colour(WAYS[petal.state].line);
+      const { name } = WAYS[petal.state];
       const far = petal.state === "c" ? short + reach(petal) * (long - short) : short;
       const rise = petal.state === "c" ? (far - inner) * Math.tan((Math.min(45, petal.slope) * Math.PI) / 180) : 0;
       for (let bearing = petal.first; bearing <= petal.last; bearing += STEP_DEG) {
         const [left, right] = [bearing - STEP_DEG / 2, bearing + STEP_DEG / 2];
         const near = [at(left, inner, 0), at(right, inner, 0)];
         const away = [at(left, far, rise), at(right, far, rise)];
-        if (petal.state === "c") this._face(near[0], near[1], away[1], away[0], [r, g, b, 0.55]);
+        if (petal.state === "c") this._face(near[0], near[1], away[1], away[0], tint(`${name}-fill`, 0.6));
         if (petal.state === "b") {
           const tops = [at(left, inner, FENCE_M), at(right, inner, FENCE_M)];
           for (const [c, d] of [tops, away]) {
-            this._face(near[0], near[1], d, c, [r, g, b, 0.7]);
-            this._line(near[0], d, [0.16, 0, 0, 1]);
-            this._line(near[1], c, [0.16, 0, 0, 1]);
+            this._face(near[0], near[1], d, c, tint(name, 0.7));
+            this._line(near[0], d, tint("bars"));
+            this._line(near[1], c, tint("bars"));
           }
         }
-        if (petal.state !== "u") this._line(...away, [r, g, b, 1]);
-        else if (bearing % 10 === 0) for (const edge of [near, away]) this._line(...edge, [r, g, b, 0.9]);
+        if (petal.state !== "u") this._line(...away, tint(name));
+        else if (bearing % 10 === 0) for (const edge of [near, away]) this._line(...edge, tint(name, 0.9));
       }
       for (const side of [petal.first - STEP_DEG / 2, petal.last + STEP_DEG / 2]) {
-        this._line(at(side, inner, 0), at(side, far, rise), [r, g, b, 1]);
+        this._line(at(side, inner, 0), at(side, far, rise), tint(name));
       }
     }
   }
@@ -290,40 +290,38 @@ export class PilotView {
   _fence(pose) {
     const fence = this.model.state?.fence;
     if (!fence) return;
-    const [r, g, b] = colour(FENCE.line);
     const [low, high] = [this._level(), fence.highest_m ?? Math.max(this._level(), pose.up) + WALL_OVER_M];
     for (const boundary of fence.boundaries) {
       const ring = corners(boundary);
       ring.forEach((from, i) => {
         const to = ring[(i + 1) % ring.length];
-        this._face([...from, low], [...to, low], [...to, high], [...from, high], [r, g, b, 0.16]);
-        for (const up of [low, high]) this._line([...from, up], [...to, up], [r, g, b, 1]);
-        this._line([...from, low], [...from, high], [r, g, b, 0.6]);
+        this._face([...from, low], [...to, low], [...to, high], [...from, high], tint("fence", 0.16));
+        for (const up of [low, high]) this._line([...from, up], [...to, up], tint("fence"));
+        this._line([...from, low], [...from, high], tint("fence", 0.6));
       });
     }
   }
 
   /** Wires as bars, thin where they are only expected. */
   _wires() {
-    const tint = colour(WIRE.line);
     for (const wire of this.model.state?.wires ?? []) {
-      for (const [from, to, seen] of pieces(wire)) this._bar(from, to, seen ? 0.12 : 0.05, tint);
+      for (const [from, to, seen] of pieces(wire)) this._bar(from, to, seen ? 0.12 : 0.05, tint("wire"));
     }
   }
 
   /** What moves, as a cage of its size, and a bar to where it will be in two seconds. */
   _moving() {
     const up = this._level();
-    const tint = colour(MOVING.line);
+    const shade = tint("moving");
     for (const one of this.model.state?.moving ?? []) {
       const [[e, n], half] = [one.enu_m, radiusOf(one)];
       const ring = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => [e + i * half, n + j * half]);
       ring.forEach((corner, i) => {
         const next = ring[(i + 1) % 4];
-        for (const z of [up + 0.1, up + one.height_m]) this._bar([...corner, z], [...next, z], 0.06, tint);
-        this._bar([...corner, up], [...corner, up + one.height_m], 0.06, tint);
+        for (const z of [up + 0.1, up + one.height_m]) this._bar([...corner, z], [...next, z], 0.06, shade);
+        this._bar([...corner, up], [...corner, up + one.height_m], 0.06, shade);
       });
-      this._bar([e, n, up + 0.3], [...ahead(one), up + 0.3], 0.1, tint);
+      this._bar([e, n, up + 0.3], [...ahead(one), up + 0.3], 0.1, shade);
     }
   }
 
@@ -337,13 +335,13 @@ export class PilotView {
   _windArrow() {
     const [point, wind] = [this.model.selected(), this.model.state?.wind];
     if (!point || !wind) return;
-    const tint = colour(WIND.line);
+    const shade = tint("wind");
     const angle = (wind.from_deg * Math.PI) / 180;
     const [east, north] = [Math.sin(angle), Math.cos(angle)];
     const at = (away, aside) => [point.enu_m[0] + away * east + aside * north, point.enu_m[1] + away * north - aside * east, this._windUp(point)];
     const [head, tail] = WIND_M;
-    this._face(at(head + 1.6, -0.3), at(head + 1.6, 0.3), at(tail, 0.3), at(tail, -0.3), tint);
-    this._face(at(head, 0), at(head + 1.8, 1), at(head + 1.8, -1), at(head, 0), tint);
+    this._face(at(head + 1.6, -0.3), at(head + 1.6, 0.3), at(tail, 0.3), at(tail, -0.3), shade);
+    this._face(at(head, 0), at(head + 1.8, 1), at(head + 1.8, -1), at(head, 0), shade);
   }
 
   _windUp(point) {
@@ -354,55 +352,54 @@ export class PilotView {
     for (const obstacle of this.model.selected()?.obstacles ?? []) {
       const top = [obstacle.east_m, obstacle.north_m, obstacle.top_m + 0.3];
       const foot = [obstacle.east_m, obstacle.north_m, obstacle.top_m - obstacle.height_m];
-      this._bar(foot, top, 0.13, [1, 0.62, 0.1, 0.95]);
+      this._bar(foot, top, 0.13, tint("obstacle"));
       const [west, south, east, north] = obstacle.extent_m;
       const z = obstacle.top_m + 0.15;
       const ring = [[west, south, z], [east, south, z], [east, north, z], [west, north, z]];
-      ring.forEach((corner, i) => this._line(corner, ring[(i + 1) % 4], [1, 0.62, 0.1, 0.9]));
+      ring.forEach((corner, i) => this._line(corner, ring[(i + 1) % 4], tint("obstacle")));
     }
   }
 
   _flown() {
     const path = this.model.path.slice(-600);
-    for (let i = 1; i < path.length; i++) this._line(path[i - 1], path[i], [0.97, 0.95, 0.75, 0.8]);
+    for (let i = 1; i < path.length; i++) this._line(path[i - 1], path[i], tint("flown", 0.8));
   }
 
   /** The way to the point: over it at this height, then down, as gates to fly through. */
   _corridor(pose) {
     const aim = this.model.aim();
     if (!aim) return;
-    const tint = [0.93, 0.36, 1, 0.95];
+    const shade = tint("way");
     const here = [pose.east, pose.north, pose.up];
     const above = [aim[0], aim[1], Math.max(pose.up, aim[2])];
     const way = Math.hypot(above[0] - here[0], above[1] - here[1]);
     const forward = way > 0.5 ? [(above[0] - here[0]) / way, (above[1] - here[1]) / way, 0] : [0, 1, 0];
     const right = [forward[1], -forward[0], 0];
-    for (let at = GATE_STEP_M; at < way; at += GATE_STEP_M) this._gate(add(here, forward, at), right, [0, 0, 1], tint);
-    for (let up = above[2] - 2; up > aim[2] + 0.4; up -= 3) this._gate([aim[0], aim[1], up], [1, 0, 0], [0, 1, 0], tint);
-    this._bar(above, aim, 0.06, tint);
-    if (way > 2) this._bar(here, above, 0.06, tint);
+    for (let at = GATE_STEP_M; at < way; at += GATE_STEP_M) this._gate(add(here, forward, at), right, [0, 0, 1], shade);
+    for (let up = above[2] - 2; up > aim[2] + 0.4; up -= 3) this._gate([aim[0], aim[1], up], [1, 0, 0], [0, 1, 0], shade);
+    this._bar(above, aim, 0.06, shade);
+    if (way > 2) this._bar(here, above, 0.06, shade);
   }
 
-  _gate(middle, x, y, tint) {
+  _gate(middle, x, y, shade) {
     const half = GATE_M / 2;
     const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => add(add(middle, x, i * half), y, j * half));
-    corners.forEach((corner, i) => this._line(corner, corners[(i + 1) % 4], tint));
-    this._face(...corners, [...tint.slice(0, 3), 0.08]);
+    corners.forEach((corner, i) => this._line(corner, corners[(i + 1) % 4], shade));
+    this._face(...corners, [...shade.slice(0, 3), 0.08]);
   }
 
   _vehicle(pose) {
     const yaw = (pose.yaw * Math.PI) / 180;
     const at = [pose.east, pose.north, pose.up];
     const turned = (f, r, u) => add(at, [Math.sin(yaw) * f + Math.cos(yaw) * r, Math.cos(yaw) * f - Math.sin(yaw) * r, u]);
-    const white = [1, 1, 1, 1];
+    const white = tint("chosen");
     for (const [f, r] of [[0.9, 0.9], [0.9, -0.9], [-0.9, 0.9], [-0.9, -0.9]]) {
       this._bar(turned(0, 0, 0), turned(f, r, 0.05), 0.09, white);
-      const tint = f > 0 ? [0.3, 0.9, 0.5, 0.9] : [1, 0.35, 0.3, 0.9];
       const disc = [...Array(12).keys()].map((i) => turned(f + 0.5 * Math.sin(i * 0.5236), r + 0.5 * Math.cos(i * 0.5236), 0.15));
-      for (let i = 1; i < 11; i++) this._face(disc[0], disc[i], disc[i + 1], disc[0], tint);
+      for (let i = 1; i < 11; i++) this._face(disc[0], disc[i], disc[i + 1], disc[0], tint(f > 0 ? "fore" : "aft", 0.9));
     }
     this._face(turned(0.5, 0, 0.12), turned(-0.3, 0.3, 0.12), turned(-0.15, 0, 0.12), turned(-0.3, -0.3, 0.12), white);
-    if (pose.height > 1) this._line(at, [pose.east, pose.north, pose.up - pose.height], [1, 1, 1, 0.5]);
+    if (pose.height > 1) this._line(at, [pose.east, pose.north, pose.up - pose.height], tint("chosen", 0.5));
   }
 
   // ---- words -----------------------------------------------------------------------------------
@@ -411,7 +408,7 @@ export class PilotView {
     pen.textAlign = "center";
     pen.textBaseline = "middle";
     const taken = [];
-    const label = (place, text, tint) => {
+    const label = (place, text, shade) => {
       const at = project(matrix, place, width, height);
       if (!at || at[2] > 160 || at[0] < 0 || at[1] < 40 * r || at[0] > width || at[1] > height) return;
       pen.font = `600 ${11.5 * r}px system-ui, sans-serif`;
@@ -419,11 +416,11 @@ export class PilotView {
       const box = [at[0] - half, at[1] - 10 * r, at[0] + half, at[1] + 10 * r];
       if (taken.some((t) => box[0] < t[2] && box[2] > t[0] && box[1] < t[3] && box[3] > t[1])) return;
       taken.push(box);
-      pen.fillStyle = "rgba(10, 13, 17, 0.72)";
+      pen.fillStyle = ink("label");
       pen.beginPath();
       pen.roundRect(box[0], box[1], 2 * half, 20 * r, 4 * r);
       pen.fill();
-      pen.fillStyle = tint;
+      pen.fillStyle = shade;
       pen.fillText(text, at[0], at[1] + 1);
     };
     const point = this.model.selected();
@@ -442,7 +439,7 @@ export class PilotView {
       label([point.enu_m[0] + tail * Math.sin(angle), point.enu_m[1] + tail * Math.cos(angle), this._windUp(point) + 0.8], windWords(wind), WIND.line);
     }
     for (const obstacle of (point?.obstacles ?? []).slice(0, 14)) {
-      label([obstacle.east_m, obstacle.north_m, obstacle.top_m + 1.2], `${obstacle.height_m.toFixed(1)} m`, "#ffcf87");
+      label([obstacle.east_m, obstacle.north_m, obstacle.top_m + 1.2], `${obstacle.height_m.toFixed(1)} m`, ink("obstacle"));
     }
     for (const zone of this.model.near()) {
       if (zone.id === point?.zone) continue;
@@ -464,8 +461,8 @@ export class PilotView {
       pen.textAlign = side;
       pen.textBaseline = "alphabetic";
       pen.lineWidth = 4 * r;
-      pen.strokeStyle = "rgba(6, 9, 13, 0.75)";
-      pen.fillStyle = "#ffffff";
+      pen.strokeStyle = ink("halo");
+      pen.fillStyle = ink("chosen");
       pen.font = `700 ${30 * r}px system-ui, sans-serif`;
       pen.strokeText(value, x, y);
       pen.fillText(value, x, y);
@@ -479,7 +476,7 @@ export class PilotView {
   _wind(pen, pose, height, r) {
     const wind = this.model.state?.wind;
     const [x, y] = [44 * r, height - 104 * r];
-    pen.fillStyle = "rgba(10, 13, 17, 0.66)";
+    pen.fillStyle = ink("label");
     if (wind) {
       pen.beginPath();
       pen.arc(x, y, 18 * r, 0, 7);
@@ -491,8 +488,8 @@ export class PilotView {
     pen.textAlign = "left";
     pen.textBaseline = "alphabetic";
     pen.lineWidth = 4 * r;
-    pen.strokeStyle = "rgba(6, 9, 13, 0.75)";
-    pen.fillStyle = wind ? WIND.line : "#e2e6ea";
+    pen.strokeStyle = ink("halo");
+    pen.fillStyle = wind ? WIND.line : ink("text");
     pen.strokeText(windWords(wind), 28 * r, y + 34 * r);
     pen.fillText(windWords(wind), 28 * r, y + 34 * r);
   }
@@ -502,12 +499,12 @@ export class PilotView {
     const half = Math.min(150 * r, width / 2 - 136 * r);
     if (half < 40 * r) return;
     pen.save();
-    pen.fillStyle = "rgba(10, 13, 17, 0.66)";
+    pen.fillStyle = ink("label");
     pen.beginPath();
     pen.roundRect(middle - half, y, 2 * half, 30 * r, 5 * r);
     pen.fill();
     pen.clip();
-    pen.strokeStyle = pen.fillStyle = "#eef2f5";
+    pen.strokeStyle = pen.fillStyle = ink("text");
     pen.lineWidth = 1.2 * r;
     pen.textAlign = "center";
     pen.textBaseline = "top";
@@ -524,7 +521,7 @@ export class PilotView {
       if (bearing % 30 === 0) pen.fillText(names[bearing] ?? String(bearing), x, y + 6 * r);
     }
     pen.restore();
-    pen.fillStyle = "#ffd84d";
+    pen.fillStyle = ink("focus");
     pen.beginPath();
     for (const [px, py] of [[-6, 36], [6, 36], [0, 27]]) pen.lineTo(middle + px * r, y + py * r);
     pen.fill();
@@ -532,7 +529,7 @@ export class PilotView {
 
   /** The horizon and a fixed mark for the vehicle's nose. */
   _horizon(pen, pose, view, matrix, width, height, r) {
-    pen.strokeStyle = "rgba(255, 255, 255, 0.75)";
+    pen.strokeStyle = ink("chosen");
     pen.lineWidth = 1.5 * r;
     const yaw = Math.atan2(view.forward[0], view.forward[1]);
     const ends = [-0.35, 0.35].map((d) => project(matrix, add(view.eye, [500 * Math.sin(yaw + d), 500 * Math.cos(yaw + d), 0]), width, height));
@@ -543,7 +540,7 @@ export class PilotView {
       pen.stroke();
     }
     const [x, y] = [width / 2, height / 2];
-    pen.strokeStyle = "#ffd84d";
+    pen.strokeStyle = ink("focus");
     pen.lineWidth = 2.5 * r;
     pen.beginPath();
     for (const side of [-1, 1]) {
@@ -565,8 +562,4 @@ function crossed(a, b, half) {
   const [x, y] = [b[0] - a[0], b[1] - a[1]];
   const length = Math.hypot(x, y) || 1;
   return [(-y / length) * half, (x / length) * half, 0];
-}
-
-function colour(hex) {
-  return [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16) / 255).concat(1);
 }

@@ -3,13 +3,16 @@
 // Length and pattern say what colour says: a clear way is a long plain petal, a blocked one a short block with a
 // lattice, one that was not seen an empty dotted outline. A petal is the longer, the less steep its way may be.
 
+import { inks } from "./theme.js";
+import { pattern } from "./zones.js";
+
 export const STEP_DEG = 5;
 export const WAYS = {
-  c: { name: "clear", line: "#3ddc84", fill: "rgba(38, 190, 104, 0.80)", word: "way in clear" },
-  b: { name: "blocked", line: "#ff6a5e", fill: "rgba(214, 48, 38, 0.85)", word: "way in blocked" },
-  u: { name: "unknown", line: "#d5dde4", fill: "rgba(20, 24, 29, 0.30)", word: "way in not seen" },
+  c: inks("clear", { word: "way in clear" }),
+  b: inks("blocked", { word: "way in blocked" }),
+  u: inks("unlooked", { word: "way in not seen" }),
 };
-export const WIND = { line: "#ffe14d", halo: "rgba(8, 12, 18, 0.85)" };
+export const WIND = inks("wind");
 const [STEEPEST_DEG, LEAST_DEG] = [90, 5];
 const [INNER_PX, SHORT_PX, LONG_PX] = [25, 36, 52];
 const RAD = Math.PI / 180;
@@ -32,21 +35,6 @@ export const reach = ({ state, slope }) => (state === "c" ? (STEEPEST_DEG - slop
 /** Share of the rose's outer radius that a petal reaches. */
 const outer = (petal) => SHORT_PX + (petal.state === "c" ? Math.max(0.3, reach(petal)) * (LONG_PX - SHORT_PX) : 0);
 
-function lattice(pen) {
-  const tile = document.createElement("canvas");
-  tile.width = tile.height = 7;
-  const ink = tile.getContext("2d");
-  ink.strokeStyle = "rgba(40, 0, 0, 0.9)";
-  ink.lineWidth = 1.4;
-  ink.moveTo(0, 0);
-  ink.lineTo(7, 7);
-  ink.moveTo(7, 0);
-  ink.lineTo(0, 7);
-  ink.stroke();
-  return pen.createPattern(tile, "repeat");
-}
-let cross = null;
-
 /** Draw one sector in the style of its state. */
 function sector(pen, x, y, inner, far, from, to, state, r) {
   const style = WAYS[state];
@@ -57,14 +45,12 @@ function sector(pen, x, y, inner, far, from, to, state, r) {
   pen.fillStyle = style.fill;
   pen.fill(path);
   if (state === "b") {
-    cross ??= lattice(pen);
-    cross.setTransform(new DOMMatrix().scale(r));
-    pen.fillStyle = cross;
+    pen.fillStyle = pattern(pen, "blocked", r);
     pen.fill(path);
   }
   pen.setLineDash([]);
   pen.lineWidth = 3.2 * r;
-  pen.strokeStyle = "rgba(8, 12, 18, 0.75)";
+  pen.strokeStyle = style.halo;
   pen.stroke(path);
   if (state === "u") pen.setLineDash([2 * r, 3 * r]);
   pen.lineWidth = 1.5 * r;

@@ -1,6 +1,7 @@
 // The maps in the browser: blocks fetched when they are in view, painted once, at a level that fits the screen.
 
 import { paint } from "./paint.js";
+import { theme } from "./theme.js";
 
 const HEAD_BYTES = 48;
 const AT_ONCE = 3;
@@ -32,7 +33,7 @@ class Sheet {
     this.name = name;
     this.head = null;
     this.versions = new Map(); // of the finest blocks
-    this.blocks = new Map(); // "level/row/col" -> {data, canvas, version, fetchedAt, usedAt, layer}
+    this.blocks = new Map(); // "level/row/col" -> {data, canvas, version, fetchedAt, usedAt, look}
   }
 
   take(head, changes) {
@@ -145,28 +146,21 @@ export class Sheets {
     return found;
   }
 
-  /** Height of the ground at a point from whatever is held, NaN where nothing is. */
-  heightAt(east, north) {
-    let best = NaN;
-    let cell = Infinity;
-    for (const name of ["far", "near"]) {
-      for (const { data } of this.sheets[name].blocks.values()) {
-        if (!data || (data.cell > cell && Number.isFinite(best))) continue;
-        const col = Math.floor((east - data.west) / data.cell);
-        const row = Math.floor((north - data.south) / data.cell);
-        if (row < 0 || col < 0 || row >= data.side || col >= data.side) continue;
-        const height = data.height[row * data.side + col];
-        if (Number.isFinite(height)) [best, cell] = [height, data.cell];
-      }
-    }
-    return best;
+  /** Tell whether the near map knows the ground at a point. */
+  isNear(east, north) {
+    return [...this.sheets.near.blocks.values()].some(({ data }) => {
+      if (!data) return false;
+      const [col, row] = [Math.floor((east - data.west) / data.cell), Math.floor((north - data.south) / data.cell)];
+      return Math.min(row, col) >= 0 && Math.max(row, col) < data.side && Number.isFinite(data.height[row * data.side + col]);
+    });
   }
 
   /** The picture of a block in the layer that is shown now. */
   picture(block) {
-    if (block.layer !== this.layer || block.painted !== block.data) {
-      block.canvas = paint(block.data, this.shown, block.canvas);
-      block.layer = this.layer;
+    const look = `${this.layer} ${theme()}`;
+    if (block.look !== look || block.painted !== block.data) {
+      block.canvas = paint(block.data, this.shown, block.canvas, block.sheet === "far");
+      block.look = look;
       block.painted = block.data;
     }
     return block.canvas;

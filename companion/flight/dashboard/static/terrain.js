@@ -1,7 +1,8 @@
 // The ground in space: each block a mesh with the painted map and the zones draped over it.
 
 import { program } from "./gl.js";
-import { pathOf, patternsOf, styleOf } from "./zones.js";
+import { theme } from "./theme.js";
+import { drawZone, pathOf } from "./zones.js";
 
 const TEXELS = 512;
 const PAINT_MS = 900;
@@ -52,10 +53,9 @@ export class Terrain {
 
   draw(matrix, [east, north], reach, sky) {
     const { gl, program: p } = this;
-    const blocks = [
-      ...this.sheets.data("far", 0, east - 1.6 * reach, north - 1.6 * reach, east + 1.6 * reach, north + 1.6 * reach),
-      ...this.sheets.data("near", 1, east - reach, north - reach, east + reach, north + reach),
-    ];
+    this.near = this.sheets.data("near", 1, east - reach, north - reach, east + reach, north + reach);
+    const far = this.sheets.data("far", 0, east - 1.6 * reach, north - 1.6 * reach, east + 1.6 * reach, north + 1.6 * reach);
+    const blocks = [...far, ...this.near];
     gl.useProgram(p.made);
     gl.uniformMatrix4fv(p.uniforms.matrix, false, matrix);
     gl.uniform3fv(p.uniforms.sky, sky);
@@ -104,7 +104,7 @@ export class Terrain {
   /** Paint one block whose ground or zones changed: the one that waits for longest, each once a second at most. */
   _paintOne() {
     const now = performance.now();
-    const zones = `${this.model.zones?.number}/${this.model.isPast("map")}/${this.model.picked?.zone?.id}/${this.sheets.layer}`;
+    const zones = `${this.model.zones?.number}/${this.model.isPast("map")}/${this.model.picked?.zone?.id}/${this.sheets.layer}/${theme()}`;
     const due = [...this.meshes.values()].filter(
       (mesh) => (mesh.painted !== mesh.block.data || mesh.zones !== zones) && now - mesh.paintedAt > PAINT_MS,
     );
@@ -121,20 +121,16 @@ export class Terrain {
     pen.clearRect(0, 0, TEXELS, TEXELS);
     pen.imageSmoothingEnabled = true;
     pen.drawImage(this.sheets.picture(block), 0, 0, TEXELS, TEXELS);
-    pen.globalCompositeOperation = "source-atop"; // only where there is ground
     const place = (east, north) => [(east - west) * k, TEXELS - (north - south) * k];
-    for (const zone of this.model.near()) {
-      const path = pathOf(zone, place);
-      const style = styleOf(zone);
-      pen.fillStyle = style.fill;
-      pen.fill(path, "evenodd");
-      for (const pattern of patternsOf(pen, zone)) {
-        pen.fillStyle = pattern;
-        pen.fill(path, "evenodd");
-      }
-      pen.lineWidth = Math.max(1.5, 0.4 * k);
-      pen.strokeStyle = this.model.picked?.zone?.id === zone.id ? "#ffffff" : style.line;
-      pen.stroke(path);
+    pen.globalCompositeOperation = "destination-out"; // no ground twice: the near map knows it better
+    for (const near of block.sheet === "far" ? this.near : []) {
+      const span = near.data.side * near.data.cell;
+      pen.drawImage(this.sheets.picture(near), ...place(near.data.west, near.data.south + span), span * k, span * k);
+    }
+    pen.globalCompositeOperation = "source-atop"; // only where there is ground
+    for (const zone of block.sheet === "far" ? this.model.far() : this.model.near()) {
+      const look = { far: block.sheet === "far", chosen: this.model.picked?.zone?.id === zone.id, width: Math.max(1.5, 0.3 * k), scale: 1 };
+      drawZone(pen, pathOf(zone, place), zone, look);
     }
     pen.globalCompositeOperation = "source-over";
     const { gl } = this;

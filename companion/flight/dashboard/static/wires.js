@@ -1,6 +1,8 @@
 // Wires: a line where they were seen, dashes where they go on, and their height over the ground.
 
-export const WIRE = { line: "#ffb000", halo: "rgba(8, 12, 18, 0.85)" };
+import { inks } from "./theme.js";
+
+export const WIRE = inks("wire");
 
 /** Pieces of a wire: two places each, and whether it was seen between them. */
 export const pieces = (wire) =>

@@ -1,18 +1,15 @@
 // How zones look: colour by place and certainty, pattern by certainty, so that no colour is needed to tell.
 
-export const STYLE = {
-  largest: { fill: "rgba(0, 92, 40, 0.62)", line: "#0b7a3b", halo: "#d9ffe6" },
-  certain: { fill: "rgba(120, 214, 130, 0.50)", line: "#8be89a", halo: "#0d2a14" },
-  uncertain: { fill: "rgba(214, 60, 50, 0.42)", line: "#ff8a7a", halo: "#3a0d0a" },
-  past: { fill: "rgba(150, 158, 166, 0.28)", line: "#b4bcc4", halo: "#10151a" },
-  prior: { fill: "rgba(176, 188, 200, 0.20)", line: "#c3ced9", halo: "#10151a" },
-};
+import { el } from "./dom.js";
+import { ink, inks, theme } from "./theme.js";
+
+export const STYLE = Object.fromEntries(["largest", "certain", "uncertain", "past", "prior"].map((name) => [name, inks(name)]));
 export const SURE_WORDS = { certain: "certain", less: "less certain", uncertain: "uncertain", past: "last judged" };
 export const STATE_STYLE = {
-  safe: { line: "#4cc2ff", fill: "rgba(76, 194, 255, 0.16)", word: "SAFE", mark: "✓" },
-  unsafe: { line: "#ff3b30", fill: "rgba(255, 59, 48, 0.34)", word: "UNSAFE", mark: "✕" },
-  unknown: { line: "#e2e6ea", fill: "rgba(200, 206, 212, 0.16)", word: "NOT JUDGED", mark: "?" },
-  past: { line: "#b4bcc4", fill: "rgba(150, 158, 166, 0.16)", word: "NOT JUDGED NOW", mark: "…" },
+  safe: inks("safe", { word: "SAFE", mark: "✓" }),
+  unsafe: inks("unsafe", { word: "UNSAFE", mark: "✕" }),
+  unknown: inks("unknown", { word: "NOT JUDGED", mark: "?" }),
+  past: inks("past", { word: "NOT JUDGED NOW", mark: "…" }),
 };
 
 export function styleOf(zone) {
@@ -20,73 +17,76 @@ export function styleOf(zone) {
   return zone.largest ? STYLE.largest : STYLE.certain;
 }
 
-const patterns = new Map();
-
-/** Pattern over a zone: none where certain, lines where less, a lattice where uncertain. */
-export function patternOf(context, sure) {
-  if (sure !== "less" && sure !== "uncertain") return null;
-  if (!patterns.has(sure)) {
-    const tile = document.createElement("canvas");
-    tile.width = tile.height = 16;
-    const pen = tile.getContext("2d");
-    pen.strokeStyle = sure === "less" ? "rgba(0, 50, 20, 0.55)" : "rgba(90, 0, 0, 0.65)";
-    pen.lineWidth = 2.5;
-    for (const shift of [-16, 0, 16]) {
-      pen.moveTo(shift, 16);
-      pen.lineTo(shift + 16, 0);
-      if (sure === "uncertain") {
-        pen.moveTo(shift, 0);
-        pen.lineTo(shift + 16, 16);
-      }
-    }
-    pen.stroke();
-    patterns.set(sure, tile);
-  }
-  return context.createPattern(patterns.get(sure), "repeat");
-}
-
-const SURFACE_PENS = {
-  // Bricks: rows of stones, each shifted by half a stone.
-  roof: (pen) => {
-    pen.strokeStyle = "rgba(255, 255, 255, 0.85)";
-    pen.lineWidth = 1.6;
-    for (const [x0, y0, x1, y1] of [[0, 1, 20, 1], [0, 11, 20, 11], [5, 1, 5, 11], [15, 11, 15, 20]]) {
-      pen.moveTo(x0, y0);
-      pen.lineTo(x1, y1);
-    }
-  },
-  // Tufts of three blades.
-  "low vegetation": (pen) => {
-    pen.strokeStyle = "rgba(255, 246, 190, 0.95)";
-    pen.lineWidth = 1.6;
-    for (const [x, y] of [[5, 9], [15, 19]]) {
-      for (const lean of [-4, 0, 4]) {
-        pen.moveTo(x, y);
-        pen.lineTo(x + lean, y - 7);
-      }
-    }
-  },
+const rising = (side) => [[-side, side, side, -side], [0, side, side, 0], [0, 2 * side, 2 * side, 0]];
+const falling = (side) => rising(side).map(([x0, y0, x1, y1]) => [x0, side - y0, x1, side - y1]);
+// Side of the tile, width and colour of its lines: less certain zones are hatched, uncertain ones have a lattice,
+// roofs rows of bricks, each shifted by half a brick, low vegetation tufts of three blades; unseen ground is hatched.
+const PATTERNS = {
+  less: [16, 2.5, "hatch", rising(16)],
+  uncertain: [16, 2.5, "lattice", [...rising(16), ...falling(16)]],
+  blocked: [7, 1.4, "bars", [...rising(7), ...falling(7)]],
+  unseen: [10, 1.2, "unseen-hatch", falling(10)],
+  far: [7, 1.5, "far-shadow", falling(7)],
+  roof: [20, 1.6, "bricks", [[0, 1, 20, 1], [0, 11, 20, 11], [5, 1, 5, 11], [15, 11, 15, 20]]],
+  "low vegetation": [20, 1.6, "tufts", [[5, 9], [15, 19]].flatMap(([x, y]) => [-4, 0, 4].map((lean) => [x, y, x + lean, y - 7]))],
 };
-const SURFACE_TILE = 20;
 
-/** Pattern of a surface that needs a confirmation: bricks for roofs, tufts for low vegetation, else none. */
-export function surfacePatternOf(context, surface) {
-  const draw = SURFACE_PENS[surface];
-  if (!draw) return null;
-  if (!patterns.has(surface)) {
-    const tile = document.createElement("canvas");
-    tile.width = tile.height = SURFACE_TILE;
-    const pen = tile.getContext("2d");
-    draw(pen);
-    pen.stroke();
-    patterns.set(surface, tile);
+const tiles = new Map(); // by theme and name
+
+function tileOf(name) {
+  const [side, width, colour, lines] = PATTERNS[name];
+  const tile = el("canvas", { width: side, height: side });
+  const pen = tile.getContext("2d");
+  pen.strokeStyle = ink(colour);
+  pen.lineWidth = width;
+  for (const [x0, y0, x1, y1] of lines) {
+    pen.moveTo(x0, y0);
+    pen.lineTo(x1, y1);
   }
-  return context.createPattern(patterns.get(surface), "repeat");
+  pen.stroke();
+  return tile;
 }
 
-/** Patterns over a zone, in the order in which they are drawn. */
-export const patternsOf = (context, zone) =>
-  [patternOf(context, zone.sure), surfacePatternOf(context, zone.surface)].filter(Boolean);
+/** A pattern by its name; `scale` is that of the screen. */
+export function pattern(context, name, scale = 1) {
+  const key = `${theme()} ${name}`;
+  if (!tiles.has(key)) tiles.set(key, tileOf(name));
+  const made = context.createPattern(tiles.get(key), "repeat");
+  made.setTransform(new DOMMatrix().scale(scale));
+  return made;
+}
+
+/** Patterns over a zone, in the order in which they are drawn: how sure it is, and what it is of. */
+export const patternsOf = (context, zone, scale) => [zone.sure, zone.surface].filter((name) => name in PATTERNS).map((name) => pattern(context, name, scale));
+
+/** Draw a zone's area: full, or the outline alone, in dashes, where only the far map knows it. */
+export function drawZone(pen, path, zone, { far, chosen, width, scale }) {
+  const style = styleOf(zone);
+  if (!far) {
+    for (const fill of [style.fill, ...patternsOf(pen, zone, scale)]) {
+      pen.fillStyle = fill;
+      pen.fill(path, "evenodd");
+    }
+  }
+  pen.setLineDash(far ? [4 * width, 3 * width] : []);
+  for (const [colour, wide] of [[chosen ? ink("chosen") : style.halo, chosen ? 3 : 2], [style.line, 1]]) {
+    pen.lineWidth = wide * width;
+    pen.strokeStyle = colour;
+    pen.stroke(path);
+  }
+  pen.setLineDash([]);
+}
+
+/** Draw what a survey before the flight found: grey and dotted, below all that was seen since. */
+export function drawSurveyed(pen, path, scale) {
+  pen.fillStyle = STYLE.prior.fill;
+  pen.fill(path, "evenodd");
+  pen.setLineDash([2 * scale, 4 * scale]);
+  pen.lineWidth = 2 * scale;
+  pen.strokeStyle = STYLE.prior.line;
+  pen.stroke(path);
+  pen.setLineDash([]);
+}
 
 /** A surface in words, a roof with its height; empty where it is bare ground or unknown. */
 export function surfaceWords({ surface, raised_m: raised }) {

@@ -44,13 +44,14 @@ class Clerk:
 
     def __init__(self) -> None:
         self.orders: list[Command] = []
+        self.reply = Reply(True, "noted")
         self.answering = asyncio.Event()
         self.answering.set()
 
     async def carry_out(self, order: Command) -> Reply:
         self.orders.append(order)
         await self.answering.wait()
-        return Reply(True, "noted")
+        return self.reply
 
     def done(self) -> list[str]:
         """Return what was ordered."""
