@@ -28,7 +28,7 @@ from companion.desk.survey.files.flatgeobuf import write_flatgeobuf, zones_withi
 from companion.desk.survey.nearest_zones import nearest
 from companion.runtime.errors import UsageError
 from tests.unit.companion.desk.survey.clouds import LAT, LON, field, write
-from tests.unit.companion.desk.survey.tiled.ground import parameters, points
+from tests.unit.companion.desk.survey.tiled.ground import CORNER, parameters, points
 
 GEOD = Geod(ellps="WGS84")
 
@@ -36,7 +36,9 @@ GEOD = Geod(ellps="WGS84")
 @pytest.fixture(scope="module")
 def out(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
     folder = tmp_path_factory.mktemp("outputs")
-    path = write(folder / "a.laz", points(100_000))
+    xyz = points(100_000)
+    apart = np.abs(xyz[:, 1] - CORNER[1] - 13) > 3  # a narrow zone in the south, which is not the best
+    path = write(folder / "a.laz", xyz[apart])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("companion.desk.figures.save_maps", lambda *_: [])
         told = survey.run([path], folder / "out", parameters(), lambda *_: None)
@@ -76,6 +78,27 @@ def test_flatgeobuf_geojson_and_table_say_the_same(out: tuple[Path, dict[str, An
         for name, value in row.items():
             assert value == feature["properties"][name]
             assert table[row["id"]][name] == ("" if value is None else str(value))
+
+
+def test_one_number_names_a_zone_in_every_output_and_is_its_rank(out: tuple[Path, dict[str, Any]]) -> None:
+    folder, told = out
+    ranks = list(range(1, len(told["zones"]) + 1))
+    features = json.loads((folder / "zones.geojson").read_text("utf-8"))["features"]
+    with (folder / "zones.csv").open(encoding="utf-8") as file:
+        table = list(csv.DictReader(file))
+    for zones in (told["zones"], [feature["properties"] for feature in features], table):
+        assert [(int(zone["id"]), int(zone["rank"])) for zone in zones] == [(k, k) for k in ranks]
+    assert [feature["id"] for feature in features] == ranks
+    assert [zone["id"] for zone in survey_of(folder / "map.html")["zones"]] == ranks
+    kml = (folder / "zones.kml").read_text("utf-8")
+    names = [name for k in ranks for name in (f"Zone {k}", f"Zone {k}", f"Landing point {k}")]
+    assert re.findall("<name>(.*? [0-9]+)</name>", kml) == names
+    named = [re.findall("zone ([0-9]+)", zone["why"]) for zone in told["zones"]]
+    assert any(named)
+    assert all(ids in ([], [str(k)]) for k, ids in enumerate(named))
+    for feature, zone in zip(features, told["zones"], strict=True):
+        assert shape(feature["geometry"]).contains(shapely.Point(zone["lon"], zone["lat"]))
+        assert nearest(folder, zone["lat"], zone["lon"])["zones"][0]["id"] == zone["id"]
 
 
 def place(data: dict[str, Any], right: float, down: float) -> np.ndarray:

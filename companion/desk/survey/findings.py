@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -19,6 +19,7 @@ from companion.desk.survey.survey_corridors import SurveyCorridors
 from companion.flight.outputs.zone_outline import zone_polygon
 from params import Parameters
 from slz import SAFE, UNKNOWN, UNSAFE, Box, Grid, TerrainMaps, Zone
+from slz.zones.ranking import rank
 
 
 class Maps(Protocol):
@@ -56,7 +57,7 @@ class MapFiles:
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """Zones of a survey, the best first, with its maps, parameters and counts.
+    """Zones of a survey, the best first and numbered by rank, with its maps, parameters and counts.
 
     shapes, outlines_m: in longitude and latitude, and in metres of the map. square_centres_m: of the
     largest safe squares, metres of the map. ways: in to and out of the landing points, None where they were
@@ -86,9 +87,14 @@ class Findings:
     stage_ms: dict[str, float]
 
 
+def numbered_by_rank(ranked: Iterable[Zone], parameters: Parameters) -> tuple[Zone, ...]:
+    """Return ranked zones numbered from 1 on; the reasons for their ranks name these numbers."""
+    return rank((replace(zone, id=k) for k, zone in enumerate(ranked, start=1)), parameters)
+
+
 def of_window(found: CloudSurvey, n_read: int, coordinate_spacing: float) -> Findings:
     """Return the findings of a cloud that was processed in one window."""
-    zones, maps = found.report.zones, found.maps
+    zones, maps = numbered_by_rank(found.report.zones, found.parameters), found.maps
     outlines_m = [zone_polygon(zone, maps.grid) for zone in zones]
     rows, cols = maps.state.shape
     return Findings(

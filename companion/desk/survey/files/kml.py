@@ -17,7 +17,6 @@ NAMESPACE = "http://www.opengis.net/kml/2.2"  # 2.3 uses it, too
 COLOURS = ("1a9850", "66bd63", "a6d96a", "fdae61", "f46d43", "d73027")
 FILL, LINE = "80", "ff"  # opacity
 TOLD = (
-    ("rank", "rank", ""),
     ("area_m2", "area", "m²"),
     ("certainty", "certainty", ""),
     ("slope_deg", "slope", "°"),
@@ -49,11 +48,11 @@ def write_kml(path: Path, shapes: Sequence[MultiPolygon], described: Sequence[di
         _style(document, f"rank{rank}", colour)
     for shape, row in zip(shapes, described, strict=True):
         folder = Xml.SubElement(document, "Folder")
-        _text(folder, "name", f"{row['rank']}: zone {row['id']}")
-        style = f"#rank{min(row['rank'], len(COLOURS))}"
+        _text(folder, "name", f"Zone {row['id']}")
+        style = f"#rank{min(row['id'], len(COLOURS))}"
         outline = _placemark(folder, f"Zone {row['id']}", style, row)
         _polygons(outline, shape)
-        point = Xml.SubElement(_placemark(folder, f"Landing point {row['rank']}", style, row), "Point")
+        point = Xml.SubElement(_placemark(folder, f"Landing point {row['id']}", style, row), "Point")
         _text(point, "altitudeMode", "clampToGround")
         _text(point, "coordinates", _place(row["lon"], row["lat"]))
     Xml.indent(root)

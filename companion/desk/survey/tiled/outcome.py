@@ -10,26 +10,23 @@ from companion.desk.survey.tiled.tile_store import Store
 from companion.desk.survey.tiled.tiled_survey import Surveyed
 from slz import TerrainMaps
 from slz.terrain.layers import Output, reaching
-from slz.zones.ranking import rank
 
 
 def of_tiles(surveyed: Surveyed) -> Findings:
-    """Return the findings: ranked zones, and maps read from their tiles."""
-    by_id = {one.zone.id: one for one in surveyed.found}
-    zones = rank((one.zone for one in surveyed.found), surveyed.parameters)
-    ranked = [by_id[zone.id] for zone in zones]
+    """Return the findings: zones, and maps read from their tiles."""
+    found = surveyed.found
     rows, cols = surveyed.layout.whole.shape
     return Findings(
         metric=surveyed.metric,
         parameters=surveyed.parameters,
         maps=Store(surveyed.layout),
         drawings=surveyed.drawings,
-        zones=zones,
-        shapes=[wgs84(one.polygon_m, surveyed.metric) for one in ranked],
-        outlines_m=[one.polygon_m for one in ranked],
-        square_centres_m=[one.square_centre_m for one in ranked],
-        ways=[one.ways for one in ranked],
-        n_obstacles=[one.n_obstacles for one in ranked],
+        zones=[one.zone for one in found],
+        shapes=[wgs84(one.polygon_m, surveyed.metric) for one in found],
+        outlines_m=[one.polygon_m for one in found],
+        square_centres_m=[one.square_centre_m for one in found],
+        ways=[one.ways for one in found],
+        n_obstacles=[one.n_obstacles for one in found],
         cells={
             "rows": rows,
             "cols": cols,
@@ -43,7 +40,7 @@ def of_tiles(surveyed: Surveyed) -> Findings:
         density_per_m2=surveyed.density_per_m2,
         coordinate_spacing=surveyed.coordinate_spacing,
         skipped=[one.document() for one in surveyed.skipped],
-        n_cut=sum(one.cut for one in surveyed.found),
+        n_cut=sum(one.cut for one in found),
         stage_ms=surveyed.stage_ms,
     )
 

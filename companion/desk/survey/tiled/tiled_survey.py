@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 from companion.desk.clouds.cloud_source import Source
 from companion.desk.survey.coordinate_steps import check_steps
 from companion.desk.survey.files import geotiff
-from companion.desk.survey.findings import MapFiles
+from companion.desk.survey.findings import MapFiles, numbered_by_rank
 from companion.desk.survey.local_metres import Metric
 from companion.desk.survey.overview import ground_png
 from companion.desk.survey.point_density import coverage_for
@@ -38,6 +38,7 @@ from params import Parameters
 from slz import Box
 from slz.terrain.derive import reach_of
 from slz.zones.detection import side_in_cells
+from slz.zones.ranking import rank
 
 SORTED_BYTES = 7.5  # on disk per point
 LEAST_SHARES = {
@@ -54,7 +55,7 @@ R = TypeVar("R")
 
 @dataclass(frozen=True, slots=True)
 class Surveyed:
-    """Result of a tiled survey. found: in the order of their IDs, from 1 on. drawings: in the work folder."""
+    """Result of a tiled survey. found: the best first, numbered by rank. drawings: in the work folder."""
 
     layout: TileLayout
     drawings: MapFiles
@@ -135,13 +136,13 @@ class TiledSurvey:
             ),
             key=lambda one: one.first,
         )
-        found = [replace(one, zone=replace(one.zone, id=k)) for k, one in enumerate(found, start=1)]
         used, lone = drawn["n_used"], drawn["n_outliers"]
         astray = census.n_read - sum(census.dropped.values()) - used - lone
         dropped = Counter(census.dropped) + Counter(stray=astray, outlier=lone)
         return Surveyed(
             layout, drawings, metric, p, density, census.n_read, used, dict(dropped), drawn["safe"],
-            drawn["unsafe"], plan.spacing(sources, census.box, guess), found, skipped, self.stage_ms,
+            drawn["unsafe"], plan.spacing(sources, census.box, guess), _ranked(found, p), skipped,
+            self.stage_ms,
         )  # fmt: skip
 
     # ---- steps ----------------------------------------------------------------------------------
@@ -289,6 +290,13 @@ def _write_picture(path: Path, maps: Store) -> None:
     if not path.exists():
         with array_file.atomic_file(path) as unfinished:
             unfinished.path.write_bytes(ground_png(maps))
+
+
+def _ranked(found: Sequence[DescribedZone], parameters: Parameters) -> list[DescribedZone]:
+    """Return zones by rank and numbered so; of equal ones the first in the order given comes first."""
+    order = rank((replace(one.zone, id=k) for k, one in enumerate(found)), parameters)
+    zones = numbered_by_rank(order, parameters)
+    return [replace(found[was.id], zone=zone) for was, zone in zip(order, zones, strict=True)]
 
 
 def _without_cells(found: DescribedZone) -> DescribedZone:

@@ -70,13 +70,10 @@ def test_the_pipeline_finds_the_same_zones_in_one_window(untiled: Any, tmp_path:
     state = Store(untiled.layout).state(untiled.layout.grid.everything)
     assert state.shape == one.maps.state.shape
     assert (state != one.maps.state).mean() < 1e-4  # sums are rounded otherwise
-    mine = {one.zone.id: one.zone for one in untiled.found}
-    theirs = {zone.id: zone for zone in one.report.zones}
-    assert mine.keys() == theirs.keys()
-    for number, zone in theirs.items():
-        assert mine[number].area_m2 == pytest.approx(zone.area_m2, rel=1e-3)
-        assert mine[number].certainty == pytest.approx(zone.certainty, abs=1e-3)
-        here, there = mine[number].best, zone.best
+    for mine, zone in zip((found.zone for found in untiled.found), one.report.zones, strict=True):
+        assert mine.area_m2 == pytest.approx(zone.area_m2, rel=1e-3)
+        assert mine.certainty == pytest.approx(zone.certainty, abs=1e-3)
+        here, there = mine.best, zone.best
         assert here.enu_m[:2] == pytest.approx(there.enu_m[:2] - (one.maps.west_m, one.maps.south_m), abs=1.0)
         assert here.clearance_m == pytest.approx(there.clearance_m, abs=0.5)
 
