@@ -45,9 +45,9 @@ def compile_at_first(mode: str = "default") -> None:
         )
 
 
-def set_up_logging(verbose: bool) -> None:
+def set_up_logging(verbose: bool, mode: str = "default") -> None:
     """Log to stderr, in colour on a terminal; compile missing kernels first."""
-    compile_at_first()
+    compile_at_first(mode)
     level = logging.DEBUG if verbose else logging.INFO
     if err.is_terminal:
         rich = RichHandler(console=err, show_path=False, rich_tracebacks=False)

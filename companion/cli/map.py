@@ -10,10 +10,9 @@ from typing import Annotated
 import typer
 
 import params
-from companion.cli.console import compile_at_first, progress, set_up_logging, stdout_console, zone_table
+from companion.cli.console import progress, set_up_logging, stdout_console, zone_table
 from companion.cli.options import Json, Profile, Settings, Verbose
 from companion.runtime import extras
-from companion.runtime.errors import UsageError
 
 UNBLOCKED = {"ways not blocked °": lambda zone: str(zone["corridors"]["unblocked_deg"])}
 
@@ -56,21 +55,21 @@ def map_(
 ) -> None:
     """Find the landing zones in stored clouds."""
     extras.require("survey", "slz map")
-    for path in files:  # before anything is compiled
-        if not path.exists():
-            raise UsageError(f"{path}: no such file")
-    set_up_logging(verbose)
     from companion.desk import survey
+    from companion.desk.clouds.cloud import open_clouds
 
     given = {"cell_m": cell_m, "min_square_m": min_square_m, "safe_slope_deg": max_slope_deg}
     if profile == "quadcopter" and cell_m is None:
         given["cell_m"] = 0.5
     own = [f"{name}={value}" for name, value in given.items() if value is not None]
     parameters = params.load(profile, [*own, *setting])
-    compile_at_first(parameters.mode)
-    with survey.engine(scheduler, workers) as engine, progress(as_json) as step:
+    open_clouds(files, crs, vertical_unit)  # headers are read before any kernel is compiled or loaded
+    with survey.engine(scheduler, workers) as engine:
         plan = survey.MapOptions(crs, classified, tile_m, engine, vertical_unit, corridors)
-        summary = survey.run(files, out, parameters, step, plan)
+        plan.check(out, parameters)
+        set_up_logging(verbose, parameters.mode)
+        with progress(as_json) as step:
+            summary = survey.run(files, out, parameters, step, plan)
     if as_json:
         print(json.dumps(summary))
     else:

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,9 @@ from companion.desk.clouds.pcd import open_pcd
 from companion.desk.clouds.ply import open_ply
 from companion.desk.clouds.text import open_text
 from companion.runtime.errors import UsageError
-from slz import PointAttributes
-from slz.window import join_attributes
+
+if TYPE_CHECKING:  # a file is opened, and refused, without the method's kernels
+    from slz import PointAttributes
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,12 +74,12 @@ def read(
         A file is missing, empty, of no known format, truncated, corrupt, without CRS or of another CRS, or
         no point of it is usable.
     """
-    if not files:
-        raise UsageError("no files: name one or more clouds, such as .las, .laz, .pcd or .ply files")
-    refuse_twice(files)
-    given = from_option(crs, vertical_unit) if crs else None
-    sources = [open_source(path, given, vertical_unit) for path in files]
-    refuse_mixed(sources)
+    from slz import PointAttributes
+    from slz.window import join_attributes
+
+    sources, skipped = open_clouds(files, crs, vertical_unit)
+    if skipped:
+        raise UsageError(skipped[0].reason)
     n_points = sum(source.n_points for source in sources)
     memory_limit.check_points(n_points)
     timed = sources[0].clock is not None and len({source.clock for source in sources}) == 1
@@ -123,6 +125,48 @@ def read(
             max(source.scales[2] for source in sources),
         ),
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Skipped:
+    """A file that was left out, and the reason."""
+
+    path: Path
+    reason: str
+
+    def document(self) -> dict[str, str]:
+        return {"file": str(self.path), "reason": self.reason}
+
+
+def open_clouds(
+    files: Sequence[Path], crs: str | None, vertical_unit: str | None = None
+) -> tuple[list[Source], list[Skipped]]:
+    """Open clouds of one CRS; unusable files are left out if any other is usable.
+
+    Raises
+    ------
+    UsageError
+        No file can be used, one is absent or given twice, or their CRS differ.
+    """
+    if not files:
+        raise UsageError("no files: name one or more clouds, such as .las, .laz, .pcd or .ply files")
+    refuse_twice(files)
+    given = from_option(crs, vertical_unit) if crs else None
+    sources: list[Source] = []
+    skipped: list[Skipped] = []
+    for path in files:
+        if not path.exists():
+            raise UsageError(f"{path}: no such file")
+        try:
+            sources.append(open_source(path, given, vertical_unit))
+        except UsageError as error:
+            if len(files) == 1:
+                raise
+            skipped.append(Skipped(path, str(error)))
+    if not sources:
+        raise UsageError(f"none of {len(files)} files can be used: {skipped[0].reason}")
+    refuse_mixed(sources)
+    return sources, skipped
 
 
 def open_source(path: Path, given: Reference | None, vertical_unit: str | None = None) -> Source:

@@ -32,6 +32,8 @@ def cloud_format_of(path: Path) -> Kind:
             head = file.read(HEAD)
     except FileNotFoundError:
         raise UsageError(f"{path}: no such file") from None
+    except IsADirectoryError:
+        raise UsageError(f"{path}: it is a folder: name the clouds in it, such as {path / '*.laz'}") from None
     except OSError as error:
         if is_transient(error):
             raise unread(path, error) from None

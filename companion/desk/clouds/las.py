@@ -18,17 +18,6 @@ from companion.desk.clouds.header_check import check_header
 from companion.desk.clouds.laz_chunks import check_chunks, check_none_follow
 from companion.desk.clouds.laz_reader import read_points
 from companion.runtime.errors import UsageError
-from slz import PointAttributes
-from slz.kernels.survey.surface_sums import (
-    BUILDING,
-    CLASS_SHIFT,
-    GROUND,
-    LOW_PLANT,
-    SEVERAL,
-    TALL_PLANT,
-    TOLD,
-    UNCLASSIFIED,
-)
 
 # ASPRS classes. Noise is no ground. Nothing can land on water, so its points are dropped and it stays unseen.
 LOW_NOISE, HIGH_NOISE = 7, 18
@@ -36,10 +25,6 @@ LOW_NOISE, HIGH_NOISE = 7, 18
 # 44, an object of a sea chart, may rise above the water, so it is kept as evidence.
 WATER = (9, 40, 41, 42, 43, 45)
 COPC = "copc"
-# ASPRS class to the class in a point's mark; the last stands for all higher ones.
-CLASS_MARKS = np.array(
-    [UNCLASSIFIED, UNCLASSIFIED, GROUND, LOW_PLANT, TALL_PLANT, TALL_PLANT, BUILDING, UNCLASSIFIED], np.uint8
-)
 # Layers of LAZ 1.4 (point formats 6 to 10) that are decompressed for a map; older formats have no layers.
 LAYERS = (
     laspy.DecompressionSelection.XY_RETURNS_CHANNEL
@@ -82,6 +67,8 @@ class LasSource:
     scales: tuple[float, float, float] = NO_STEPS
 
     def chunks(self) -> Iterator[Chunk]:
+        from slz import PointAttributes
+
         for piece in pieces(self.path, self.n_points):
             dropped: dict[str, int] = {}
             points, keep = _usable(piece, dropped)
@@ -218,10 +205,16 @@ def _usable(piece: Any, dropped: dict[str, int]) -> tuple[NDArray[np.float64], N
 
 def _marks(piece: Any) -> NDArray[np.uint8]:
     """Return what each point tells besides its place; contradicting return numbers tell nothing."""
+    from slz.kernels.survey import surface_sums as marks
+
     number, several = np.asarray(piece.return_number), np.asarray(piece.number_of_returns)
     told = (number >= 1) & (number <= several)
-    kind = CLASS_MARKS[np.minimum(np.asarray(piece.classification), len(CLASS_MARKS) - 1)]
-    return np.asarray(told * TOLD | (told & (several > 1)) * SEVERAL | kind << CLASS_SHIFT, np.uint8)
+    # By ASPRS class; the last stands for all higher ones.
+    kinds = np.full(8, marks.UNCLASSIFIED, np.uint8)
+    kinds[2:7] = marks.GROUND, marks.LOW_PLANT, marks.TALL_PLANT, marks.TALL_PLANT, marks.BUILDING
+    kind = kinds[np.minimum(np.asarray(piece.classification), len(kinds) - 1)]
+    echoes = told * marks.TOLD | (told & (several > 1)) * marks.SEVERAL
+    return np.asarray(echoes | kind << marks.CLASS_SHIFT, np.uint8)
 
 
 def _kept(piece: Any, axes: tuple[NDArray[np.float64], ...], dropped: dict[str, int]) -> NDArray[np.bool_]:

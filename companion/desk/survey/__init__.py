@@ -1,4 +1,4 @@
-"""Surveys of stored clouds (`slz map`). Imports are lazy because `slz nearest` needs none of them."""
+"""Surveys of stored clouds (`slz map`). Imports are lazy: `slz nearest` and refusals load no kernels."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from companion.desk.survey.map_run import MapOptions, run
+    from companion.desk.survey.map_options import MapOptions
+    from companion.desk.survey.map_run import run
     from companion.desk.survey.tiled.task_engine import engine
 
 __all__ = ["MapOptions", "engine", "run"]
 
-WHERE = {"MapOptions": "map_run", "run": "map_run", "engine": "tiled.task_engine"}
+WHERE = {"MapOptions": "map_options", "run": "map_run", "engine": "tiled.task_engine"}
 
 
 def __getattr__(name: str) -> Any:

@@ -5,26 +5,20 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from companion.desk import figures
 from companion.desk.clouds.cloud import read
-from companion.desk.survey.atomic_folder import (
-    check_output_path,
-    finish,
-    locked_folder,
-    temporary_folder,
-    work_folder,
-)
+from companion.desk.survey.atomic_folder import finish, locked_folder, temporary_folder, work_folder
 from companion.desk.survey.cloud_survey import survey
 from companion.desk.survey.files import survey_files
 from companion.desk.survey.findings import Findings, MapsInMemory, of_window
+from companion.desk.survey.map_options import MapOptions
 from companion.desk.survey.survey_corridors import check_reach
 from companion.desk.survey.survey_summary import summary
 from companion.desk.survey.tiled.outcome import of_tiles, whole_maps
-from companion.desk.survey.tiled.task_engine import Engine, InProcess
+from companion.desk.survey.tiled.task_engine import InProcess
 from companion.desk.survey.tiled.tiled_survey import TiledSurvey
 from companion.desk.survey.zone_table import rows
 from companion.runtime.errors import UsageError
@@ -37,30 +31,12 @@ MOST_DRAWN = 4_000_000  # cells up to which pictures are drawn; larger surveys h
 MOST_DRAWN_ZONES = 1000
 
 
-@dataclass(frozen=True, slots=True)
-class MapOptions:
-    """Options of a survey besides files and parameters.
-
-    crs overrides the CRS of the files, and gives that of formats that state none. classified: also write
-    the points with their classes. tile_m: side of a tile, which changes no result. engine: executor of the
-    tasks. vertical_unit: unit of the heights (m, ft, us-ft), which overrides the files. corridors: also judge
-    the ways in to and out of each zone's landing point.
-    """
-
-    crs: str | None = None
-    classified: bool = False
-    tile_m: float | None = None
-    engine: Engine = InProcess()  # noqa: RUF009 - it has no state
-    vertical_unit: str | None = None
-    corridors: bool = False
-
-
 def run(
     files: Sequence[Path],
     out: Path,
     parameters: Parameters,
     progress: Progress,
-    plan: MapOptions = MapOptions(),
+    plan: MapOptions = MapOptions(),  # noqa: B008 - it is frozen
 ) -> dict[str, Any]:
     """Survey clouds, write zones, GeoTIFF and pictures, and return the summary for JSON.
 
@@ -86,7 +62,7 @@ def run(
     started = time.perf_counter()
     if not isinstance(plan.engine, InProcess):  # workers may have been started in another folder
         files, out = [path.absolute() for path in files], out.absolute()
-    check_output_path(out)
+    plan.check(out, parameters)
     if plan.corridors:
         check_reach(parameters)
     try:
@@ -125,10 +101,6 @@ def _in_one_window(
     files: Sequence[Path], out: Path, parameters: Parameters, progress: Progress, plan: MapOptions
 ) -> dict[str, Any]:
     """Survey by the sources' rules, which use windows and no tiles."""
-    if plan.tile_m is not None or not isinstance(plan.engine, InProcess):
-        raise UsageError(
-            "mode=source maps one window in one piece: leave --tile-m, --workers, --scheduler out"
-        )
     progress("reading", 0.0)
     cloud = read(files, plan.crs, lambda share: progress("reading", 0.5 * share), plan.vertical_unit)
     progress("mapping", 0.5)

@@ -42,16 +42,8 @@ class SurveyCorridors:
 
 
 def check_reach(parameters: Parameters) -> None:
-    """Refuse corridors that cannot be judged.
-
-    Raises
-    ------
-    UsageError
-        The sources' mode has none, or a corridor reaches over more cells than fit into memory.
-    """
+    """Refuse corridors that reach over more cells than fit into memory (UsageError)."""
     p, reach_m = parameters, corridor_reach_m(parameters)
-    if p.mode == "source":
-        raise UsageError("--corridors: mode=source judges no ways in and out: leave one of both out")
     if (2 * reach_m / p.cell_m) ** 2 > MOST_CELLS:
         raise UsageError(
             f"--corridors: {reach_m:.0f} m around a point are too many cells of {p.cell_m:g} m:"

@@ -6,15 +6,12 @@ import json
 import math
 import shutil
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from companion.desk.clouds.cloud import open_source, refuse_mixed, refuse_twice
 from companion.desk.clouds.cloud_source import Source
-from companion.desk.clouds.crs import from_option
 from companion.desk.clouds.las import LasSource
 from companion.desk.survey.tiled import array_file
 from companion.desk.survey.tiled.derive_tiles import Tile
@@ -32,48 +29,6 @@ VERSION = 3  # version of the files in a work folder
 TILE_CELLS = 1024
 DRAWN = ("surface", "tiles", "zones", "drawings")  # folders of files made from the sorted points
 MANIFEST, USED = "manifest.json", "used.json"
-
-
-@dataclass(frozen=True, slots=True)
-class Skipped:
-    """A file that was left out, and the reason."""
-
-    path: Path
-    reason: str
-
-    def document(self) -> dict[str, str]:
-        return {"file": str(self.path), "reason": self.reason}
-
-
-def open_clouds(
-    files: Sequence[Path], crs: str | None, vertical_unit: str | None = None
-) -> tuple[list[Source], list[Skipped]]:
-    """Open clouds of one CRS; unusable files are left out if any other is usable.
-
-    Raises
-    ------
-    UsageError
-        No file can be used, one is absent or given twice, or their CRS differ.
-    """
-    if not files:
-        raise UsageError("no files: name one or more clouds, such as .las, .laz, .pcd or .ply files")
-    refuse_twice(files)
-    given = from_option(crs, vertical_unit) if crs else None
-    sources: list[Source] = []
-    skipped: list[Skipped] = []
-    for path in files:
-        if not path.exists():
-            raise UsageError(f"{path}: no such file")
-        try:
-            sources.append(open_source(path, given, vertical_unit))
-        except UsageError as error:
-            if len(files) == 1:
-                raise
-            skipped.append(Skipped(path, str(error)))
-    if not sources:
-        raise UsageError(f"none of {len(files)} files can be used: {skipped[0].reason}")
-    refuse_mixed(sources)
-    return sources, skipped
 
 
 def pieces(
@@ -102,8 +57,6 @@ def tile_side(tile_m: float | None, cell_m: float) -> int:
     """Return the cells along a tile's side: the number of whole blocks that covers `tile_m`."""
     if tile_m is None:
         return TILE_CELLS
-    if not (math.isfinite(tile_m) and tile_m > 0):
-        raise UsageError(f"--tile-m {tile_m:g}: a length in metres, such as 512")
     return BLOCK * max(1, math.ceil(tile_m / cell_m / BLOCK - 1e-9))
 
 

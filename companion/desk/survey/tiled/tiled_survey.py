@@ -12,6 +12,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar
 
+from companion.desk.clouds.cloud import Skipped, open_clouds
 from companion.desk.clouds.cloud_source import Source
 from companion.desk.survey.coordinate_steps import check_steps
 from companion.desk.survey.files import geotiff
@@ -69,7 +70,7 @@ class Surveyed:
     n_unsafe: int
     coordinate_spacing: float
     found: list[DescribedZone]
-    skipped: list[plan.Skipped]
+    skipped: list[Skipped]
     stage_ms: dict[str, float]
 
 
@@ -107,7 +108,7 @@ class TiledSurvey:
             A file, their CRS or the work folder cannot be used, or no point is left.
         """
         p = self._parameters
-        sources, skipped = plan.open_clouds(self._files, self._crs, self._vertical_unit)
+        sources, skipped = open_clouds(self._files, self._crs, self._vertical_unit)
         guess = first_guess(sources, p.cell_m)
         for source in sources:
             check_steps(str(source.path), source.scales, (guess.x_m, guess.y_m, guess.z_m), p)
@@ -169,7 +170,7 @@ class TiledSurvey:
 
     def _sorted(
         self, sources: Sequence[Source], lattice: Lattice
-    ) -> tuple[list[Path], Census, Metric, list[plan.Skipped]]:
+    ) -> tuple[list[Path], Census, Metric, list[Skipped]]:
         """Sort all points; twice where only the points determine the length of the CRS's units."""
         paths, census, broken = self._sort(sources, lattice, "sorted")
         metric = metric_of(sources[0], census, lattice)
@@ -189,7 +190,7 @@ class TiledSurvey:
 
     def _sort(
         self, sources: Sequence[Source], lattice: Lattice, folder: str
-    ) -> tuple[list[Path], Census, list[plan.Skipped]]:
+    ) -> tuple[list[Path], Census, list[Skipped]]:
         (self._work / folder).mkdir(exist_ok=True)
         pieces = plan.pieces(self._files, sources, self._crs, self._work / folder, self._vertical_unit)
         done = sum(piece.sorted.exists() for piece in pieces)
@@ -198,7 +199,7 @@ class TiledSurvey:
         whole = [piece for piece in pieces if piece.path not in reasons]
         reasons |= _empty(whole)
         whole = [piece for piece in whole if piece.path not in reasons]
-        broken = [plan.Skipped(path, str(reasons[path])) for path in self._files if path in reasons]
+        broken = [Skipped(path, str(reasons[path])) for path in self._files if path in reasons]
         if not whole:
             raise UsageError(broken[0].reason)
         paths = [piece.sorted for piece in whole]

@@ -28,6 +28,18 @@ from tests.ports import free_port
 from tests.unit.companion.desk.replay import flights
 from tests.unit.companion.desk.survey.clouds import field, placed, write
 
+REFUSED = """
+import json, sys
+from companion.cli import program
+codes = []
+for words in json.loads(sys.argv[1]):
+    sys.argv[1:] = words
+    try:
+        program.main()
+    except SystemExit as left:
+        codes.append(left.code)
+print(codes, "slz loaded" if "slz" in sys.modules else "slz not loaded")
+"""
 RUN = ["run", "--mavlink", "udpin:127.0.0.1:0", "--lidar", "livox:127.0.0.1:0"]
 Capture = pytest.CaptureFixture[str]
 
@@ -542,8 +554,7 @@ def test_map_tells_zones_and_what_it_left_out(
         return {"zones": [ZONE], "no_zone": None, "skipped": skipped}
 
     cells_m: list[float] = []
-    cloud = tmp_path / "a.las"
-    cloud.touch()
+    cloud = write(tmp_path / "a.las", placed(field(5.0), "EPSG:32610"))
     monkeypatch.setattr("companion.desk.survey.run", found)
     assert ended("map", str(cloud), "--out", str(tmp_path)) == 2
     out, err = capsys.readouterr()
@@ -557,21 +568,47 @@ def test_map_tells_zones_and_what_it_left_out(
 def test_map_tells_why_there_is_no_zone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
 ) -> None:
-    cloud = tmp_path / "a.las"
-    cloud.touch()
+    cloud = write(tmp_path / "a.las", placed(field(5.0), "EPSG:32610"))
     answer = {"zones": [], "no_zone": "all is too steep", "skipped": []}
     monkeypatch.setattr("companion.desk.survey.run", lambda *_: answer)
     assert ended("map", str(cloud), "--out", str(tmp_path)) == 0
     assert capsys.readouterr().out.endswith("no zone: all is too steep\n")
 
 
-def test_map_refuses_an_absent_file_before_anything_is_compiled(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: Capture
-) -> None:
-    compiled: list[bool] = []
-    monkeypatch.setattr("companion.cli.map.set_up_logging", lambda *_: compiled.append(True))
-    assert refusal(capfd, "map", "absent.las", "--out", str(tmp_path)) == "slz: absent.las: no such file\n"
-    assert not compiled
+def test_map_refuses_what_it_cannot_map_in_one_line_before_any_kernel_is_loaded(tmp_path: Path) -> None:
+    points = placed(field(5.0), "EPSG:32610")
+    good, other = write(tmp_path / "a.las", points), write(tmp_path / "b.las", points, "EPSG:32611")
+    nowhere = write(tmp_path / "c.laz", points, None)
+    (tmp_path / "README.md").write_text("no cloud")
+    (tmp_path / "empty.laz").touch()
+    cloud, source = str(good), ["--set", "mode=source"]
+    refused = {
+        "README.md: it is not a cloud of a kind that is supported": [str(tmp_path / "README.md")],
+        "absent.las: no such file": ["absent.las"],
+        "empty.laz: it is empty": [str(tmp_path / "empty.laz")],
+        "it is a folder: name the clouds in it, such as": [str(tmp_path)],
+        "none of 2 files can be used": [str(tmp_path / "README.md"), str(tmp_path)],
+        "it is given twice": [cloud, cloud],
+        "c.laz: it names no CRS": [str(nowhere)],
+        "differs from EPSG:32610": [cloud, str(other)],
+        "--crs 'EPSG:1' is unknown": [cloud, "--crs", "EPSG:1"],
+        "--vertical-unit 'miles'": [cloud, "--vertical-unit", "miles"],
+        "a.las is a file: name a folder": [cloud, "--out", cloud],
+        "celm": [cloud, "--set", "celm=1"],
+        "--tile-m 0": [cloud, "--tile-m", "0"],
+        "--workers 0": [cloud, "--workers", "0"],
+        "exclude each other": [cloud, "--workers", "2", "--scheduler", "tcp://127.0.0.1:1"],
+        "--corridors: mode=source": [cloud, "--corridors", *source],
+        "leave --tile-m": [cloud, "--tile-m", "9", *source],
+    }
+    given = [["map", "--out", str(tmp_path / "out"), *words] for words in refused.values()]
+    ran = subprocess.run(
+        [sys.executable, "-c", REFUSED, json.dumps(given)], check=False, capture_output=True, text=True
+    )
+    missed = [pair for pair in zip(refused, ran.stderr.splitlines(), strict=True) if pair[0] not in pair[1]]
+    assert missed == []
+    assert (ran.returncode, ran.stdout) == (0, f"{[2] * len(refused)} slz not loaded\n")
+    assert not (tmp_path / "out").exists()
 
 
 def test_nearest_tells_a_table_or_that_there_is_none(

@@ -185,7 +185,7 @@ def damaged(tmp_path: Path, kind: str) -> Path:
     ("kind", "word"),
     [
         ("missing", "no such file"),
-        ("folder", "cannot be read"),
+        ("folder", "it is a folder"),
         ("empty", "empty"),
         ("not LAS", "not a LAS or LAZ file"),
         ("truncated LAS", "truncated"),

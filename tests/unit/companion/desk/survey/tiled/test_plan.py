@@ -9,17 +9,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.desk.clouds.cloud import open_source
+from companion.desk.clouds.cloud import open_clouds, open_source
 from companion.desk.clouds.crs import from_option
+from companion.desk.survey.map_options import MapOptions
 from companion.desk.survey.tiled.crs_scale import first_guess
 from companion.desk.survey.tiled.lattice import Lattice
-from companion.desk.survey.tiled.plan import MANIFEST, claim, open_clouds, spacing, tile_side
+from companion.desk.survey.tiled.plan import MANIFEST, claim, spacing
 from companion.desk.survey.tiled.tile_labels import CandidateZone
 from companion.desk.survey.tiled.tiled_zones import batches
 from companion.runtime.errors import UsageError
 from slz import Box
 from tests.unit.companion.desk.survey import packing
 from tests.unit.companion.desk.survey.clouds import LAT, LON, field, placed, write
+from tests.unit.companion.desk.survey.tiled.ground import parameters
 
 DEGREES = placed(field(5.0), "EPSG:4326")
 
@@ -30,9 +32,9 @@ def test_no_file_at_all_is_refused() -> None:
 
 
 @pytest.mark.parametrize("tile_m", [0.0, -5.0, math.inf, math.nan])
-def test_a_tile_without_a_length_is_refused(tile_m: float) -> None:
+def test_a_tile_without_a_length_is_refused(tmp_path: Path, tile_m: float) -> None:
     with pytest.raises(UsageError, match=f"--tile-m {tile_m:g}: a length in metres"):
-        tile_side(tile_m, 0.5)
+        MapOptions(tile_m=tile_m).check(tmp_path, parameters())
 
 
 def test_a_manifest_that_cannot_be_read_is_that_of_another_survey(tmp_path: Path) -> None:
