@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import rasterio
 from pyproj import CRS
+from rasterio.enums import ColorInterp
 
 from companion.desk import survey
 from companion.desk.survey.files.kml import NAMESPACE
@@ -171,6 +172,11 @@ def test_the_rasters_are_cloud_optimized_and_keep_what_is_unknown(tmp_path: Path
             small = file.read(1, out_shape=tuple(math.ceil(side / 2) for side in whole.shape))
             if name == "safe":
                 assert file.nodata == 255
+                assert file.dtypes == ("uint8",)
+                assert file.colorinterp == (ColorInterp.palette,)
+                table = file.colormap(1)
+                assert (table[0], table[1]) == ((215, 48, 31, 255), (27, 120, 55, 255))  # red, green
+                assert table[255][3] == 0  # unknown is transparent
                 assert set(np.unique(small)) == set(np.unique(whole)) == {0, 1, 255}
             else:
                 assert math.isnan(file.nodata)

@@ -21,12 +21,13 @@ from rasterio.windows import Window
 from companion.desk.clouds.unit_statements import unit_name
 from companion.desk.survey.findings import Maps
 from companion.desk.survey.local_metres import Metric
-from slz import UNKNOWN, Box, SurfaceKind
+from slz import SAFE, UNKNOWN, UNSAFE, Box, SurfaceKind
 from slz.terrain.layers import NAMED, Output, reaching
 
 TILE = 256  # cells
 STRIP, WIDE = 1024, 4096  # rows and columns read at a time: whole tiles
 CACHE_MB = 128  # of GDAL
+STATE_COLOURS = {int(UNSAFE): (215, 48, 31), int(SAFE): (27, 120, 55), int(UNKNOWN): (255, 255, 255)}  # RGB
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +53,7 @@ def rasters(metric: Metric, mode: str) -> tuple[Raster, ...]:
     """Return the GeoTIFFs that are written in a mode, see `slz.terrain.layers`.
 
     Layers are float32 with NaN where unknown; heights are in the cloud's own vertical unit and datum. safe:
-    uint8, 0 unsafe, 1 safe, 255 (nodata) unknown.
+    uint8 with a colour table, 0 unsafe (red), 1 safe (green), 255 (nodata) unknown.
     """
     found = []
     for layer in reaching(Output.GEOTIFF):
@@ -101,6 +102,8 @@ def write(path: Path, raster: Raster, maps: Maps, metric: Metric) -> Path:
                 sparse_ok=True,
                 **({"tiled": True, "blockxsize": TILE, "blockysize": TILE} if tiled else {}),
             ) as file:
+                if raster.of == "state":
+                    file.write_colormap(1, STATE_COLOURS)  # before any cell, as GDAL asks
                 for window in _windows(rows, cols):
                     found = values(window)
                     if _known(raster, found):  # unknown blocks stay sparse
