@@ -23,6 +23,8 @@ CERTAIN, LESS_CERTAIN, UNCERTAIN = "#1b7837", "#a6d96a", "#d7301f"
 SAFE_ELSEWHERE, NO_DATA = "#d9e8d3", "#ffffff"
 MOST_LABELS = 40
 COVERED = 0.02  # of the map's length: a mark nearer to a number than this hides it
+MAP_PT = 620.0, 860.0  # greatest width and height of the map in a picture
+DIGIT_EM = 0.7  # width of a bold digit with its halo
 BESIDE_PT = (9, 7)  # offset right of a mark and above it
 
 
@@ -130,24 +132,35 @@ def _outline(axes: Axes, picture: Picture, colour: str) -> None:
 def draw_numbers(axes: Axes, picture: Picture, marks: Marks) -> None:
     """Write the ID of every zone at its landing point, or beside a mark that would cover it.
 
-    Only the `MOST_LABELS` largest zones are numbered.
+    Only the `MOST_LABELS` largest zones are numbered, and none whose number would cover that of a better one.
     """
     from matplotlib.patheffects import withStroke
 
     points = (marks.take_off_enu_m, marks.chosen_enu_m, marks.touchdown_enu_m)
     covering = [point for point in points if point is not None]
     halo = [withStroke(linewidth=2.5, foreground="black")]
-    for zone in sorted(picture.zones, key=lambda zone: -zone.area_m2)[:MOST_LABELS]:
+    largest = {zone.id for zone in sorted(picture.zones, key=lambda zone: -zone.area_m2)[:MOST_LABELS]}
+    west, _, south, _ = picture.bounds
+    pt_per_m = np.divide(MAP_PT, picture.extent_m).min()
+    taken: list[NDArray[np.float64]] = []  # west, south, east, north of numbers, points
+    for zone in (zone for zone in picture.zones if zone.id in largest):
         share = math.sqrt(zone.area_m2 / (picture.extent_m[0] * picture.extent_m[1]))
         point = zone.best.enu_m[:2].astype(float)
         beside = any(np.hypot(*(mark[:2] - point)) < COVERED * max(picture.extent_m) for mark in covering)
+        size = min(15.0, max(7.5, 40 * share))
+        place = (point - (west, south)) * pt_per_m + (BESIDE_PT if beside else 0)
+        half = np.array([DIGIT_EM * len(str(zone.id)), 1.0]) * size / 2
+        low, high = (place, place + 2 * half) if beside else (place - half, place + half)
+        if any((low < other[2:]).all() and (other[:2] < high).all() for other in taken):
+            continue
+        taken.append(np.concatenate([low, high]))
         axes.annotate(
             str(zone.id),
             (point[0], point[1]),
             xytext=BESIDE_PT if beside else (0, 0),
             textcoords="offset points",
             color="white",
-            fontsize=min(15.0, max(7.5, 40 * share)),
+            fontsize=size,
             fontweight="bold",
             ha="left" if beside else "center",
             va="bottom" if beside else "center",

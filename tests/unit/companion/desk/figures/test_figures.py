@@ -16,7 +16,7 @@ from companion.desk import figures
 from companion.desk.clouds.cloud import GeoreferencedCloud
 from companion.desk.clouds.crs import from_option
 from companion.desk.figures.layer_figures import CERTAIN, LESS_CERTAIN, UNCERTAIN, draw_numbers
-from companion.desk.figures.map_furniture import CHOSEN, Marks
+from companion.desk.figures.map_furniture import CHOSEN, Marks, draw_frame
 from companion.desk.figures.picture import Picture
 from companion.desk.survey.cloud_survey import CloudSurvey, survey
 from params import load
@@ -69,6 +69,23 @@ def test_the_star_of_the_chosen_point_does_not_hide_the_zone_s_number(
     (number,) = axes.texts
     assert number.get_text() == str(zone.id)
     assert (number.get_position() != (0, 0)) == beside
+
+
+def test_no_number_covers_that_of_a_better_zone(found: CloudSurvey) -> None:
+    (zone,) = found.report.zones
+    places = np.random.default_rng(3).uniform(-8, 8, (40, 2))
+    best = [replace(zone.best, enu_m=np.array([*place, 0.0])) for place in places]
+    zones = tuple(replace(zone, id=k, best=one) for k, one in enumerate(best, start=1))
+    figure = Figure(figsize=(10.0, 7.4), dpi=130, layout="constrained")
+    axes = figure.add_subplot()
+    picture = Picture(found.maps, zones, found.parameters)
+    draw_numbers(axes, picture, Marks(chosen_enu_m=best[0].enu_m))
+    draw_frame(axes, picture, "Numbers")
+    figure.draw_without_rendering()
+    boxes = [text.get_window_extent() for text in axes.texts if text.get_text().isdigit()]
+    assert axes.texts[0].get_text() == "1"
+    assert 3 < len(boxes) < 40
+    assert not any(one.overlaps(other) for k, one in enumerate(boxes) for other in boxes[:k])
 
 
 def test_a_flight_is_drawn_over_every_map(found: CloudSurvey, tmp_path: Path) -> None:
