@@ -27,7 +27,8 @@ from companion.desk import survey
 from companion.desk.survey.files.flatgeobuf import write_flatgeobuf, zones_within
 from companion.desk.survey.nearest_zones import nearest
 from companion.runtime.errors import UsageError
-from tests.unit.companion.desk.survey.clouds import LAT, LON, field, write
+from tests.e2e.chromium import Chromium
+from tests.unit.companion.desk.survey.clouds import LAT, LON, field, placed, write
 from tests.unit.companion.desk.survey.tiled.ground import CORNER, parameters, points
 
 GEOD = Geod(ellps="WGS84")
@@ -134,6 +135,54 @@ def test_the_page_needs_no_network_and_holds_every_zone(out: tuple[Path, dict[st
     assert png is not None
     picture = matplotlib.image.imread(io.BytesIO(base64.b64decode(png[1])))
     assert picture.shape[:2] == (told["cells"]["rows"], told["cells"]["cols"])
+
+
+TOLD = "document.querySelector('#more div').getBoundingClientRect().top"
+SIZES = ((1440, 860, False), (320, 640, True), (390, 844, True), (844, 390, True))
+FITTED = """Math.abs(
+    1.05 * view.k - Math.min(canvas.clientWidth / S.width, canvas.clientHeight / S.height)) < 1e-9"""
+CONTROLS = """[...document.querySelectorAll('#map > :not(canvas)')]
+    .map(e => e.getBoundingClientRect()).map(b => [b.left, b.top, b.right, b.bottom])"""
+DRAWN = "canvas.width === canvas.clientWidth * devicePixelRatio && innerWidth === {}"
+
+
+def test_the_page_fits_its_window_and_opens_the_zone_whose_mark_is_tapped(
+    out: tuple[Path, dict[str, Any]], tmp_path: Path, chromium: Path
+) -> None:
+    folder, _ = out
+    with Chromium(chromium) as browser:
+        browser.open((folder / "map.html").as_uri())
+        browser.until("labels.length > 3")
+        for width, height, phone in SIZES:
+            browser.size(width, height, phone=phone)
+            browser.until(DRAWN.format(width))
+            assert browser.script(FITTED)
+            assert browser.script("innerWidth >= document.body.scrollWidth")
+            assert browser.script("(e => e.clientWidth >= e.scrollWidth)(document.getElementById('list'))")
+            marks = browser.script("labels.map(l => [l.z.id, l.box])")
+            boxes = shapely.box(*np.transpose([*(box for _, box in marks), *browser.script(CONTROLS)]))
+            assert shapely.union_all(boxes).area == pytest.approx(shapely.area(boxes).sum())
+            for zone, (west, north, _, _) in marks:
+                browser.click(west + 1, north + 1)  # beside a narrow zone
+                assert browser.script("chosen.id") == zone
+            assert browser.script(f"0 <= {TOLD} && {TOLD} < innerHeight")
+        assert browser.script("document.querySelector('#more div').textContent") == f"zone{zone}"
+        browser.script("choose(S.zones[5], false)")
+        assert "behind zone 5" in browser.script("document.getElementById('more').innerText")
+        browser.click_on("#in")
+        scale = browser.script("view.k")
+        browser.size(800, 700)
+        browser.until(DRAWN.format(800))
+        assert browser.script("view.k") == scale  # what the user looks at stays
+        steep = field() + field()[:, :1] * (0, 0, np.tan(np.radians(25)))
+        path = write(tmp_path / "a.laz", placed(steep, "EPSG:32610"))
+        reason = survey.run([path], tmp_path, parameters(), lambda *_: None)["no_zone"]
+        browser.open((tmp_path / "map.html").as_uri())
+        browser.until("document.body.innerText.includes('100% of what is unsafe is steeper than 10 degrees')")
+        shown = browser.script("document.body.innerText")
+        assert f"No zone: {reason}." in shown
+        assert all(kind in shown for kind in ("unsafe: steep", "unknown: too few returns", "may be water"))
+        assert browser.errors == []
 
 
 def test_outlines_of_too_many_corners_are_thinned_on_the_page_and_stay_in_place(

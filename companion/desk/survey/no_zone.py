@@ -5,30 +5,28 @@ from __future__ import annotations
 import numpy as np
 
 from companion.desk.survey.findings import Findings
-from companion.desk.survey.overview import step_of, subsampled
+from companion.desk.survey.overview import step_of, subsampled, water_mask
 from slz import UNSAFE
+
+MATTERING = 0.01  # share of the points read
 
 
 def reason(found: Findings) -> str | None:
     """Return in one sentence why there is no zone; None where there is one.
 
     Either nothing is known (too few points for gaps of `coverage_m`), or nothing known is safe (too steep,
-    too rough or too near an obstacle), or no safe ground holds a square of `min_square_m`.
+    too rough or too near an obstacle), or no safe ground holds a square of `min_square_m`. Behind it: what
+    was dropped of the points, and what may be water.
     """
     if found.zones:
         return None
-    water = maybe_water(found)
-    return _why(found) if water is None else f"{_why(found)}; {water}"
+    return "; ".join(filter(None, (_why(found), _dropped(found), maybe_water(found))))
 
 
 def maybe_water(found: Findings) -> str | None:
     """Return how much ground may be water, None for none; in large surveys from a sample of cells."""
-    p = found.parameters
-    if p.mode == "source":
-        return None
-    step = step_of(found.maps.grid)
-    water = np.asarray(subsampled(found.maps, "water", step), np.float64)
-    n = int(np.count_nonzero(water > p.water_suspicion))
+    p, step = found.parameters, step_of(found.maps.grid)
+    n = int(np.count_nonzero(water_mask(found.maps, p)))
     if not n:
         return None
     area_m2 = n * (step * p.cell_m) ** 2
@@ -36,6 +34,12 @@ def maybe_water(found: Findings) -> str | None:
         f"{area_m2:.0f} m2 may be water (level, with banks: probability above {p.water_suspicion:.0%}) and"
         " count as unseen; where you know better, --set water_suspicion=1"
     )
+
+
+def _dropped(found: Findings) -> str:
+    """Return how many points were left out and as what, where they are a part of the points to matter."""
+    counts = {name: n for name, n in found.dropped.items() if n >= MATTERING * found.n_read}
+    return ", ".join(f"{n:,} points dropped as {name.replace('_', ' ')}" for name, n in counts.items())
 
 
 def _why(found: Findings) -> str:

@@ -15,7 +15,8 @@ from shapely.geometry import MultiPolygon
 from companion.desk.figures.layer_figures import CERTAIN, LESS_CERTAIN, UNCERTAIN
 from companion.desk.survey.findings import Findings, Maps
 from companion.desk.survey.local_metres import Metric
-from companion.desk.survey.overview import ground_png, step_of
+from companion.desk.survey.no_zone import reason
+from companion.desk.survey.overview import ground_png, legend, step_of, water_mask
 
 TEMPLATE = Path(__file__).with_name("page.html")
 MOST_ZONES = 3000  # only the best are drawn; the files hold all
@@ -28,7 +29,11 @@ WAYS = ', ["ways in and out", z.corridors]'  # a further fact of a zone, in the 
 def write_page(path: Path, found: Findings, described: Sequence[dict[str, Any]]) -> None:
     """Write the page; beyond `MOST_ZONES` zones it shows the best and says so."""
     maps, p = found.maps, found.parameters
-    png = ground_png(maps) if found.drawings is None else found.drawings.ground.read_bytes()
+    png = (
+        ground_png(maps, water_mask(maps, p))
+        if found.drawings is None
+        else found.drawings.ground.read_bytes()
+    )
     points_m = [zone.best.enu_m[:2] - (maps.grid.west_m, maps.grid.south_m) for zone in found.zones]
     rows = [row | {"at": _point(at)} for row, at in zip(described, points_m, strict=True)]
     shown = list(zip(found.outlines_m, rows, strict=True))[:MOST_ZONES]
@@ -44,6 +49,8 @@ def write_page(path: Path, found: Findings, described: Sequence[dict[str, Any]])
         "crs": found.metric.reference.name,
         "heights": found.metric.reference.heights,
         "cells": {"cell_m": p.cell_m, **found.cells},
+        "ground": legend(),
+        "no_zone": reason(found),
         "points": found.n_used,
         "all": len(described),
         "skipped": [one["file"] for one in found.skipped],

@@ -18,7 +18,7 @@ from companion.desk.survey.coordinate_steps import check_steps
 from companion.desk.survey.files import geotiff
 from companion.desk.survey.findings import MapFiles, numbered_by_rank
 from companion.desk.survey.local_metres import Metric
-from companion.desk.survey.overview import ground_png
+from companion.desk.survey.overview import ground_png, water_mask
 from companion.desk.survey.point_density import coverage_for
 from companion.desk.survey.tiled import array_file, plan
 from companion.desk.survey.tiled.block_density import per_m2, tally
@@ -124,7 +124,7 @@ class TiledSurvey:
         layout = TileLayout(self._work / "tiles", self._side, census.box, p.cell_m)
         density, p = self._fitted(layout, sorted_)
         drawn = self._drawn(layout, sorted_, census, metric, p)
-        drawings, begun = self._drawings(layout, metric)  # workers write them during the next steps
+        drawings, begun = self._drawings(layout, metric, p)  # workers write them during the next steps
         self._zones(layout, p)
         self._follow("writing", begun, len(drawings.rasters) + 1)
         rows, cols = layout.whole.shape
@@ -236,14 +236,14 @@ class TiledSurvey:
             total.update({name: notes[name] for name in ("n_used", "n_outliers", "safe", "unsafe")})
         return total
 
-    def _drawings(self, layout: TileLayout, metric: Metric) -> tuple[MapFiles, Iterator[Any]]:
+    def _drawings(self, layout: TileLayout, metric: Metric, p: Parameters) -> tuple[MapFiles, Iterator[Any]]:
         """Start the tasks that write the GeoTIFFs and the picture."""
         folder = self._work / "drawings"
         asked = [(folder / f"{each.name}.tif", each) for each in geotiff.rasters(metric, "default")]
         picture = folder / "ground.png"
         store = Store(layout)
         rasters = self._engine.each(_write_raster, asked, store, metric)
-        pictures = self._engine.each(_write_picture, [picture], store)
+        pictures = self._engine.each(_write_picture, [picture], store, p)
         return MapFiles([path for path, _ in asked], picture), chain[Any](rasters, pictures)
 
     def _zones(self, layout: TileLayout, p: Parameters) -> None:
@@ -287,10 +287,10 @@ def _write_raster(asked: tuple[Path, geotiff.Raster], maps: Store, metric: Metri
             geotiff.write(unfinished.path, raster, maps, metric)
 
 
-def _write_picture(path: Path, maps: Store) -> None:
+def _write_picture(path: Path, maps: Store, parameters: Parameters) -> None:
     if not path.exists():
         with array_file.atomic_file(path) as unfinished:
-            unfinished.path.write_bytes(ground_png(maps))
+            unfinished.path.write_bytes(ground_png(maps, water_mask(maps, parameters)))
 
 
 def _ranked(found: Sequence[DescribedZone], parameters: Parameters) -> list[DescribedZone]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -45,8 +46,18 @@ def test_no_zone_has_its_reason(
     answer = told(tmp_path, points_m, *settings)
     assert answer["zones"] == []
     assert says in answer["no_zone"]
+    assert f'"no_zone": {json.dumps(answer["no_zone"])}' in (tmp_path / "out" / "map.html").read_text("utf-8")
     nothing = nearest(tmp_path / "out", LAT, LON, 100.0)
     assert nothing["no_zone"] == "the survey holds none within 100 m"
+
+
+def test_points_that_were_dropped_are_part_of_the_reason(tmp_path: Path) -> None:
+    points_m = placed(steep(), "EPSG:32610")
+    kinds = np.full(len(points_m), 2)
+    kinds[:3391], kinds[-9:] = 9, 7  # water; so little noise does not matter
+    path = write(tmp_path / "a.laz", points_m, classification=kinds)
+    answer = survey.run([path], tmp_path / "out", parameters(), lambda *_: None)
+    assert answer["no_zone"].endswith("near an obstacle; 3,391 points dropped as water")
 
 
 def test_a_survey_with_zones_gives_no_reason(tmp_path: Path) -> None:

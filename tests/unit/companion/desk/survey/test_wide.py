@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import tracemalloc
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import matplotlib.image
 import numpy as np
 import pytest
 import rasterio
@@ -16,6 +18,7 @@ from companion.desk.clouds.crs import from_option
 from companion.desk.survey import overview
 from companion.desk.survey.files import geotiff
 from companion.desk.survey.local_metres import Metric, metric_for
+from params import Parameters
 from slz import UNKNOWN, Box, Grid
 
 METRIC: Metric = metric_for(from_option("EPSG:32632"), np.full(3, 5e5), np.full(3, 5.001e5), 0.5)
@@ -49,7 +52,7 @@ def test_no_map_is_read_in_windows_that_grow_with_it(tmp_path: Path) -> None:
     maps = Patches(1500, 20_000)
     for layer in (geotiff.rasters(METRIC, "default")[k] for k in (0, -1)):
         geotiff.write(tmp_path / "a.tif", layer, maps, METRIC)
-    overview.ground_png(maps)
+    overview.ground_png(maps, overview.water_mask(maps, Parameters()))
     assert max(rows * cols for rows, cols in (box.shape for box in maps.asked)) <= MOST
 
 
@@ -65,10 +68,32 @@ def test_the_windows_change_no_byte(
             geotiff.write(tmp_path / f"{layer.name}.tif", layer, maps, METRIC)
             for layer in geotiff.rasters(METRIC, "default")
         ]
-        found.append([path.read_bytes() for path in paths] + [overview.ground_png(maps)])
+        found.append(
+            [path.read_bytes() for path in paths]
+            + [overview.ground_png(maps, overview.water_mask(maps, Parameters()))]
+        )
     assert found[0] == found[1]
     with rasterio.open(tmp_path / "safe.tif") as file:
         np.testing.assert_array_equal(file.read(1)[::-1], maps.read("state", maps.grid.everything))
+
+
+class Lake(Patches):
+    """Ground whose middle holds no return, or returns that may be water, where the survey says so."""
+
+    def read(self, name: str, box: Box) -> NDArray[Any]:
+        found = super().read(name, box)
+        return np.where(found >= 0, 0, 0.9).astype(np.float32) if name == "water" else found
+
+
+@pytest.mark.parametrize(
+    ("maps", "meaning"), [(Patches(40, 600), "unknown"), (Lake(40, 600), "may be water")]
+)
+def test_the_legend_has_the_colours_of_the_picture(maps: Patches, meaning: str) -> None:
+    picture = matplotlib.image.imread(
+        io.BytesIO(overview.ground_png(maps, overview.water_mask(maps, Parameters())))
+    )
+    colour = "#" + bytes(np.round(255 * picture[20, 400, :3]).astype(int).tolist()).hex()
+    assert overview.legend()[colour].startswith(meaning)
 
 
 def test_a_picture_keeps_nothing_of_the_cells_that_it_leaves_out() -> None:
