@@ -126,7 +126,9 @@ def _check(path: Path, picture: Any) -> None:
     """Raise a UsageError that says what is wrong with a picture, and what helps."""
     high, wide = picture.block_shapes[0]
     if picture.crs is None or picture.transform.is_identity:
-        fault = "it does not say where it lies (no coordinate system): rio edit-info --crs EPSG:CODE sets one"
+        fault = (
+            "no coordinate system or corner in it: gdal_translate -a_srs EPSG:CODE -a_ullr W N E S sets them"
+        )
     elif (kind := picture.dtypes[0]) not in ("uint8", "uint16", "int16"):
         fault = f"its pixels are {kind}: a picture of 8 or 16 bits is needed"
     elif max(picture.shape) / max(picture.overviews(1), default=1) > MOST_PX or high * wide > MOST_BLOCK_PX:

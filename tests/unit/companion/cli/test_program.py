@@ -27,6 +27,7 @@ from tests import REPOSITORY
 from tests.ports import free_port
 from tests.unit.companion.desk.replay import flights
 from tests.unit.companion.desk.survey.clouds import field, placed, write
+from tests.unit.companion.flight.dashboard.test_background_picture import small
 
 REFUSED = """
 import json, sys
@@ -530,9 +531,13 @@ def test_replay_on_the_page_shows_the_file_there(monkeypatch: pytest.MonkeyPatch
     assert str(front.address) in capfd.readouterr().err
 
 
-def test_a_key_to_a_page_that_nobody_opens_is_refused(capfd: Capture, tmp_path: Path) -> None:
+def test_a_key_or_a_background_of_a_page_that_nobody_opens_is_refused(capfd: Capture, tmp_path: Path) -> None:
     line = refusal(capfd, "replay", "a.mcap", "--dashboard-token", str(tmp_path / "tokens"))
     assert "--dashboard-token goes with --dashboard" in line
+    picture = small(tmp_path / "a.tif", [90])
+    assert "--background goes with --dashboard" in refusal(
+        capfd, "replay", "a.mcap", "--background", str(picture)
+    )
 
 
 @pytest.mark.parametrize("command", [RUN, ["demo"], ["replay", "a.mcap"]])
