@@ -238,7 +238,18 @@ def test_a_landing_is_summed_up_until_the_next_flight_or_a_tap(
     phone.until(f"{offered}.length === 5 && document.getElementById('controls') === null")
 
 
-SIZES = [(320, 480), (390, 844), (844, 390), (820, 1180), (720, 430), (1024, 600), (1440, 860), (2560, 1440)]
+# Phone, the same with a keyboard, tablet, 200 % of zoom, small and large screens.
+SIZES = [
+    *((320, 480), (390, 844), (390, 430), (844, 390), (820, 1180)),
+    *((720, 430), (1024, 600), (1440, 860), (2560, 1440)),
+]
+AXE = (Path(__file__).parent / "axe_core" / "axe.min.js").read_text("utf-8")  # of npm's axe-core 4.14.1
+AUDITED = [(390, 844), (1440, 860)]
+SERIOUS = (
+    "axe.run().then(({violations}) => violations.filter((one) =>"
+    " ['serious', 'critical'].includes(one.impact))"
+    ".map((one) => [one.id, one.nodes.map((node) => node.target.join(' '))]))"
+)
 IN_SIGHT = (
     "(() => { const h = innerHeight, w = innerWidth, seen = {};"
     " for (const [name, at] of [['abort', '#abort'], ['phase', '#phase'], ['badge', '#choice .badge']]) {"
@@ -275,7 +286,8 @@ def test_abort_phase_and_point_are_in_sight_at_every_size(
             browser.click_on("#alarms .more")
         if trouble == "landed":
             browser.until("document.body.classList.contains('landed')")
-        out = {}
+        browser.script(f"{AXE}; 0")
+        out, serious = {}, {}
         for theme in ("light", "dark"):
             browser.theme(theme)
             browser.until(f"document.documentElement.dataset.theme === '{theme}'")
@@ -287,9 +299,12 @@ def test_abort_phase_and_point_are_in_sight_at_every_size(
                 )  # it knows its size
                 out[width, height, theme] = browser.script(IN_SIGHT)
                 browser.picture(tmp_path / f"{width}x{height}-{theme}.png")
+                if (width, height) in AUDITED:
+                    serious[width, theme] = browser.script(SERIOUS)
         covered = {"map"} if trouble == "all alarms open" else set()  # once opened, they cover the map
         out = {size: {*hidden} - covered for size, hidden in out.items()}
         assert not {size: hidden for size, hidden in out.items() if hidden}
+        assert serious == {size: [] for size in serious}
         assert browser.errors == []
 
 

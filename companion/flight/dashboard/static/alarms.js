@@ -1,6 +1,6 @@
 // What must not be overlooked: banners that stay while their reason stands, and sound until somebody hears it.
 
-import { byId, el } from "./dom.js";
+import { byId, el, setClass } from "./dom.js";
 
 const CRITICAL = 2; // severity of MAVLink's STATUSTEXT
 // Banners; the others wait behind a tap.
@@ -35,14 +35,16 @@ export class Alarms {
       items.push({ level: "said", key: `text-${last.number}`, text: `${at} ${last.text.replace("SLZ: ", "")}`, loud: true });
     }
     this.loud = items.some((item) => item.loud);
-    const now = JSON.stringify([items, this._all, most()]);
+    const now = JSON.stringify([items, this._all, most(), window.innerWidth]);
     if (now === this._shown) return;
     this._shown = now;
     const hidden = this._all ? 0 : Math.max(0, items.length - most());
     this._box.replaceChildren(...items.slice(0, items.length - hidden).map((item) => this._banner(item)));
-    if (items.length > most()) {
-      const more = hidden ? `${hidden} more` : "fewer";
-      this._box.append(el("button", { class: "more", text: more, "aria-expanded": String(!hidden), onclick: () => this._fold() }));
+    setClass(this._box, "open", this._all);
+    const clipped = [...this._box.querySelectorAll(".alarm span:nth-child(2)")].some((text) => text.scrollWidth > text.clientWidth);
+    if (items.length > most() || clipped || (this._all && items.length)) {
+      const more = this._all ? "fewer" : hidden ? `${hidden} more` : "whole text";
+      this._box.append(el("button", { class: "more", text: more, "aria-expanded": String(this._all), onclick: () => this._fold() }));
     }
     document.title = items.length ? `(!) ${items[0].text}` : "slz – landing zones";
   }
