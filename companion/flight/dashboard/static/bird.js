@@ -174,6 +174,7 @@ export class BirdView {
     this._unseen(pen);
     const over = [...this.canvas.parentNode.querySelectorAll(".tools, #legend")];
     this._taken = over.map((e) => [e.offsetLeft, e.offsetTop, e.offsetLeft + e.offsetWidth, e.offsetTop + e.offsetHeight].map((at) => at * ratio));
+    this._taken.push([0, height - 40 * ratio, 150 * ratio, height], [12, 56, 48, 92].map((at) => at * ratio)); // scale, north
     if (pose) this._claim([this.place(pose.east, pose.north)], 34 * ratio, 34 * ratio, true);
     this._surveyed(pen);
     const blocks = this.sheets.view(...this._view());

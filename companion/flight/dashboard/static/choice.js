@@ -122,7 +122,7 @@ export class Choice {
     const now = JSON.stringify([picked, point, landed, this._model.texts.at(-1)?.number, this._model.since("map"), this._model.zones?.number, this._model.about?.role]);
     if (now === this._drawn) return;
     this._drawn = now;
-    setClass(byId("choice"), "past", this._model.isPast("map"));
+    setClass(byId("choice"), "past", this._model.isPast("map") && !landed);
     byId("choice").replaceChildren(...(landed ? this._landed(landed) : picked ? this._picked(picked) : point ? this._watched(point) : this._nothing()));
   }
 
@@ -176,9 +176,9 @@ export class Choice {
     return [
       el("h2", {}, `Landed${zone === null ? "" : ` · zone ${zone}`}`, this._badge(far ? "uncertain" : "certain", `${shown(off, 2, "m")} off the point`)),
       this._facts([["Where", `${lat.toFixed(6)}, ${lon.toFixed(6)}`, "wide"], ["Recording", health.recording?.name ?? "none", "wide"]]),
-      el("h3", { text: "Refused or broken off on the way" }),
-      ...(way.length ? way : ["nothing"]).map((text) => el("div", { class: "said", text })),
       el("button", { class: "act", id: "controls", text: "Show the controls", onclick: close }),
+      el("h3", { text: "Refused or broken off on the way" }),
+      ...(way.length ? [...new Set(way)] : ["nothing"]).map((text) => el("div", { class: "said", text })),
     ];
   }
 
