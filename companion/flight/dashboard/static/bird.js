@@ -372,13 +372,13 @@ export class BirdView {
     }
   }
 
-  /** Words at the first place that is free; with one place alone they stand there whatever else does. */
-  _tag(pen, places, text, colour) {
+  /** Words at the first place that is free; if they must be drawn, else at the first. */
+  _tag(pen, places, text, colour, must = places.length === 1) {
     const r = this._ratio;
     pen.font = `600 ${10.5 * r}px system-ui, sans-serif`;
     pen.textAlign = "center";
     pen.textBaseline = "middle";
-    const place = this._claim(places, pen.measureText(text).width + 4 * r, 13 * r, places.length === 1);
+    const place = this._claim(places, pen.measureText(text).width + 4 * r, 13 * r, must);
     if (!place) return;
     const [x, y] = place;
     pen.lineWidth = 3 * r;
@@ -443,8 +443,8 @@ export class BirdView {
     const at = (away) => [x + away * Math.sin(angle), y - away * Math.cos(angle)];
     drawArrow(pen, ...at(roseRadius(r) + 6 * r), angle, 38 * r, r);
     this._claim([at(roseRadius(r) + 25 * r)], (16 + 38 * Math.abs(Math.sin(angle))) * r, (16 + 38 * Math.abs(Math.cos(angle))) * r, true);
-    const beside = [-30, 30].map((aside) => at(roseRadius(r) + 25 * r).map((middle, i) => middle + (i ? aside * r : 0)));
-    this._tag(pen, [at(roseRadius(r) + (56 + 32 * Math.abs(Math.sin(angle))) * r), ...beside], windWords(wind), WIND.line);
+    const beside = [-22, 22, -34, 34].map((aside) => at(roseRadius(r) + 25 * r).map((middle, i) => middle + (i ? aside * r : 0)));
+    this._tag(pen, [at(roseRadius(r) + (56 + 32 * Math.abs(Math.sin(angle))) * r), ...beside], windWords(wind), WIND.line, true);
   }
 
   _room(pen, zone, x, y, style) {
