@@ -146,9 +146,14 @@ class Chromium:
             self.call("Input.dispatchKeyEvent", type="keyUp", key=by)
 
     def middle(self, selector: str) -> tuple[float, float]:
-        """Return where the middle of an element is."""
-        box = f"document.querySelector({json.dumps(selector)}).getBoundingClientRect()"
-        x, y = self.script(f"(b => [b.x + b.width / 2, b.y + b.height / 2])({box})")
+        """Return where the middle of an element is, once that is the same for some frames."""
+        x, y = self.script(
+            "new Promise((done) => { let before = '', same = 0; const look = () => {"
+            f" const b = document.querySelector({json.dumps(selector)}).getBoundingClientRect();"
+            " const now = [b.x + b.width / 2, b.y + b.height / 2];"
+            " same = String(now) === before ? same + 1 : 0; before = String(now);"
+            " if (same > 3) done(now); else requestAnimationFrame(look); }; look(); })"
+        )
         return x, y
 
     def touch(self, kind: str, points: list[tuple[float, float]]) -> None:

@@ -258,6 +258,8 @@ IN_SIGHT = (
     " const top = document.elementFromPoint(x, y);"
     " seen[name] = b.top >= 0 && b.left >= 0 && b.bottom <= h + 0.5 && b.right <= w + 0.5 && b.width > 20"
     " && Boolean(top?.closest(at)); }"
+    " seen.numbers = [...document.querySelectorAll('#numbers > div')].every((each, i) => i === 0"
+    " || each.scrollWidth <= each.clientWidth + 1);"
     " const c = document.getElementById('map').getBoundingClientRect();"
     " seen.map = document.body.dataset.view !== 'map' || (c.width >= 120 && c.height >= 40);"
     " return Object.entries(seen).filter(([, yes]) => !yes).map(([name]) => name); })()"

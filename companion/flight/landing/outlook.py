@@ -51,7 +51,7 @@ def outlook(state: LandingState, s: Situation) -> Outlook:
             sinks_s = max(0.0, left_m - p.final_height_m) / p.descent_speed_ms
             lands_s = sinks_s + min(left_m, p.final_height_m) / LANDING_MS
             times = f"LAND in {sinks_s:.0f} s, touchdown in {lands_s:.0f} s"
-            return Outlook(phase, f"descending: {times}; {commit}", abort)
+            return Outlook(phase, f"{times}; {commit}", abort)
         case Phase.FINAL if left_m < p.commit_height_m:
             return Outlook(phase, "landing: too low to abort", "too low")
         case Phase.FINAL:

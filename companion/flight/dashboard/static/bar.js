@@ -64,9 +64,10 @@ export class Bar {
     setText(this._cells.latency.label, past ? "Last report" : "Report after");
     this._set("latency", past ? this._model.since("map") : shown(this._model.zones?.latency_ms, 0, "ms"), past && !s.on_ground);
     this._lamp("link", s.connected && s.heard);
-    this._lamp("lidar", s.lidar_ok || s.on_ground);
-    setClass(this._lamps.lidar, "off", s.on_ground && !s.lidar_ok);
-    this._lamp("map", !s.pipeline_failed && !past && Boolean(this._model.zones));
+    for (const [key, good] of [["lidar", s.lidar_ok], ["map", !s.pipeline_failed && !past && Boolean(this._model.zones)]]) {
+      this._lamp(key, good || s.on_ground); // the ground needs neither
+      setClass(this._lamps[key], "off", s.on_ground && !good);
+    }
     const recording = this._model.health?.recording;
     setClass(this._lamps.rec, "off", !recording);
     setClass(this._lamps.rec, "bad", Boolean(recording?.ended));

@@ -108,7 +108,7 @@ export class Choice {
     const lands = judged && !state.lost;
     byId("confirm").disabled = !lands || !point || point.state === "unsafe" || !state.guided || this._flownTo(point);
     byId("best").disabled = !lands || !state.guided || !this._model.near().length || this._descending();
-    byId("now").disabled = !lands || !state.emergency || !state.armed || state.on_ground;
+    byId("now").disabled = !lands || this._descending() || !state.emergency || !state.armed || state.on_ground;
     setText(byId("best-zone"), byId("best").disabled ? "" : this._bestWords());
     byId("soonest").textContent = state?.armed && !state.on_ground ? this._soonestWords() : "";
     byId("abort").disabled = !may;
@@ -135,9 +135,10 @@ export class Choice {
     if (!state.armed || state.on_ground) return "";
     const wrong = this._model.isPast("map")
       ? `${state.blind}: nothing is judged now, last ${this._model.since("map")}.`
-      : point?.state === "unsafe" ? "The landing point is unsafe: select another." : "";
+      : point?.state === "unsafe" && !state.doing ? "The landing point is unsafe: select another." : "";
     if (wrong || state.doing) return [wrong, state.doing].filter(Boolean).join(" Now: ");
-    return state.guided || !this._model.near().length ? "" : "To land, hand over first: guided flight mode.";
+    if (!state.guided) return `${state.mode}: you fly. To land, hand over first: guided flight mode.`;
+    return point ? "Waits for your order: Confirm lands there." : "Waits for your order.";
   }
 
   _descending() {
