@@ -157,7 +157,7 @@ def status(
     lat, lon, alt = p.get("frame", (None, None, None))
     known = s.get("east_m") is not None
     past = s.get("past", NEVER)
-    judged = {"state": "unknown", "certainty": None} if MAP in past else {}
+    judged = {"state": "unknown", "certainty": None} if MAP in past or s.get("lost") else {}
     return Status(
         phase=s.get("phase"),
         mode=s.get("mode"),

@@ -32,7 +32,7 @@ def state(flight: FlightView) -> dict[str, Any]:
     pose = flight.history.latest(s.now_ns)
     vehicle, executive, parameters = flight.link.vehicle, flight.executive, flight.parameters
     aim, mismatch = executive.aim_enu_m, flight.link.key_mismatch
-    outlook = executive.outlook(s)
+    outlook, lost = executive.outlook(s), executive.what_is_lost(s)
     low = s.battery_pct is not None and 0 < parameters.battery_land_pct >= s.battery_pct
     document = {
         "at_ns": s.now_ns,
@@ -47,11 +47,11 @@ def state(flight: FlightView) -> dict[str, Any]:
         "connected": s.connected,
         "heard": s.heard,
         "lidar_ok": s.lidar_ok,
-        "blind": s.no_map_reason.text,
+        "blind": f"{lost} lost" if lost else s.no_map_reason.text,
         "lidar_faults": lidar_faults(flight.lidar.diagnosis),
         "failsafe": s.failsafe,
         "estimate_lost": s.estimate_lost,
-        "lost": executive.what_is_lost(s),
+        "lost": lost,
         "gps": "lost" if s.gps_lost else "glitch" if s.gps_glitching else "",
         "blocked": s.blocked,
         "pipeline_failed": flight.worker.invalid,

@@ -36,7 +36,7 @@ def outlook(state: LandingState, s: Situation) -> Outlook:
     climbs = math.isfinite(rise_m) and rise_m > NEAR_M and not state.gps_loss.lasts
     abort = f"climbs {rise_m:.0f} m, then holds" if climbs else "holds here"
     if state.gps_loss.lasts and phase in WAITING | {Phase.CLIMB, Phase.HOLD}:
-        return Outlook(phase, "hovers: GPS lost", abort)
+        return Outlook(phase, "hovers: GPS lost, fly by hand", abort)
     if s.guided and phase in WAITING and (s.position_enu_m is None or not s.lidar_ok):
         return Outlook(phase, "hovers", abort)  # what is missing stands beside it
     match phase:
@@ -53,11 +53,12 @@ def outlook(state: LandingState, s: Situation) -> Outlook:
             times = f"LAND in {sinks_s:.0f} s, touchdown in {lands_s:.0f} s"
             return Outlook(phase, f"{times}; {commit}", abort)
         case Phase.FINAL if left_m < p.commit_height_m:
-            return Outlook(phase, "landing: too low to abort", "too low")
+            return Outlook(phase, "landing: too low to abort")
         case Phase.FINAL:
             return Outlook(phase, f"landing: touchdown in {left_m / LANDING_MS:.0f} s; {commit}", abort)
         case _:
-            after = "holds for an order" if phase is Phase.HOLD else "chooses again"
+            again = "chooses again" if s.lidar_ok else "hovers"
+            after = "holds for an order" if phase is Phase.HOLD else again
             if climbs:
                 return Outlook(Phase.CLIMB, f"climbing {rise_m:.0f} m, then {after}", abort)
             return Outlook(phase, after, abort)

@@ -32,7 +32,7 @@ export class Alarms {
     if (last && !standing.some((alarm) => alarm.key === "point-unsafe" && last.text.includes("UNSAFE"))) {
       // What was said is history: it stands behind what is true now, with its time.
       const at = new Date(1000 * last.at_s).toTimeString().slice(0, 8);
-      items.push({ level: "said", key: `text-${last.number}`, text: `${at} ${last.text.replace("SLZ: ", "")}`, loud: true });
+      items.push({ level: "said", key: `text-${last.number}`, text: `said at ${at}: ${last.text.replace("SLZ: ", "")}`, loud: true });
     }
     this.loud = items.some((item) => item.loud);
     const now = JSON.stringify([items, this._all, most(), window.innerWidth]);

@@ -45,7 +45,7 @@ export class Bar {
     const s = this._model.state;
     if (!s) return;
     const phase = byId("phase");
-    setText(phase, s.phase);
+    setText(phase, s.connected ? s.phase : "no link");
     setClass(phase, "flying", s.flying);
     setClass(phase, "landed", s.phase === "landed");
     const v = s.velocity_enu_ms;

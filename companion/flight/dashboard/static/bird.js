@@ -273,11 +273,11 @@ export class BirdView {
   /** Claim the first of some places (middles) where a box of this size is in view and covers nothing claimed before. */
   _claim(places, width, height, must = false) {
     const boxes = places.map(([x, y]) => [x - width / 2, y - height / 2, x + width / 2, y + height / 2]);
-    const isFree = ([west, north, east, south]) =>
-      west >= 0 && north >= 0 && east <= this._w && south <= this._h && !this._taken.some((t) => west < t[2] && east > t[0] && north < t[3] && south > t[1]);
-    let at = boxes.findIndex(isFree);
-    if (at < 0 && must) at = 0;
-    if (at < 0) return null;
+    const view = [0, 0, this._w, this._h];
+    const common = (a, b) => Math.max(0, Math.min(a[2], b[2]) - Math.max(a[0], b[0])) * Math.max(0, Math.min(a[3], b[3]) - Math.max(a[1], b[1]));
+    const covered = boxes.map((box) => width * height - common(box, view) + this._taken.reduce((sum, t) => sum + common(box, t), 0));
+    const at = covered.indexOf(Math.min(...covered)); // where nothing is free, what must stand covers least
+    if (covered[at] > 0.5 && !must) return null;
     this._taken.push(boxes[at]);
     return places[at];
   }

@@ -78,13 +78,12 @@ export class Choice {
   /** Where an emergency order would land now. */
   _soonestWords() {
     const soonest = this._model.state?.emergency;
-    if (this._model.state?.lost) return `not now: ${this._model.state.lost} lost, fly by hand`;
     if (!soonest) return this._model.isPast("map") ? `not now: ${this._model.state.blind}` : "not now: no zone known";
     if (soonest.seconds === null) return `zone ${soonest.zone}, too windy to reach`;
     const lasts = soonest.within_battery === false ? ", beyond the battery" : "";
     const zone = this._model.zone(soonest.zone);
     const where = zone ? `, ${shown(this._away(zone.best), 0, "m")} away${surfaceWords(zone) && `, ${surfaceWords(zone)}`}` : "";
-    return `zone ${soonest.zone} in ${soonest.seconds} s${where}${lasts}`;
+    return `${this._model.state.guided ? "" : "takes over, "}zone ${soonest.zone} in ${soonest.seconds} s${where}${lasts}`;
   }
 
   abort() {
@@ -105,21 +104,21 @@ export class Choice {
     const ready = may && state.connected && !this._link.stale;
     const judged = ready && !this._model.isPast("map");
     byId("select").disabled = !judged || !picked || (picked.zone !== null && this._isFar(picked.zone));
-    const lands = judged && !state.lost;
-    byId("confirm").disabled = !lands || !point || point.state === "unsafe" || !state.guided || this._flownTo(point);
-    byId("best").disabled = !lands || !state.guided || !this._model.near().length || this._descending();
-    byId("now").disabled = !lands || this._descending() || !state.emergency || !state.armed || state.on_ground;
+    byId("confirm").disabled = !judged || !point || point.state === "unsafe" || !state.guided || this._flownTo(point);
+    byId("best").disabled = !judged || !state.guided || !this._model.near().length || this._descending();
+    byId("now").disabled = !judged || this._descending() || !state.emergency || !state.armed || state.on_ground;
     setText(byId("best-zone"), byId("best").disabled ? "" : this._bestWords());
-    byId("soonest").textContent = state?.armed && !state.on_ground ? this._soonestWords() : "";
+    byId("soonest").textContent = state?.armed && !state.on_ground && !this._descending() ? this._soonestWords() : "";
     byId("abort").disabled = !may;
     if (this._armed && state && !state.armed) this._say(""); // the flight that the answer was of is over
     this._armed = Boolean(state?.armed);
     this._forgetAnswer();
-    setText(byId("abort-does"), state?.abort_does ?? "");
+    setText(byId("abort-does"), state?.abort_does || "nothing to abort");
+    setClass(byId("abort"), "idle", !state?.abort_does); // it can be pressed all the same
     byId("answer").dataset.hint = this._hint(point);
     const landed = this._landing();
     setClass(document.body, "landed", Boolean(landed));
-    const now = JSON.stringify([picked, point, landed, this._model.texts.at(-1)?.number, this._model.since("map"), this._model.zones?.number, this._model.about?.role]);
+    const now = JSON.stringify([picked, point, Boolean(this._model.aim()), landed, this._model.texts.at(-1)?.number, this._model.since("map"), this._model.zones?.number, this._model.about?.role]);
     if (now === this._drawn) return;
     this._drawn = now;
     setClass(byId("choice"), "past", this._model.isPast("map") && !landed);
@@ -131,13 +130,13 @@ export class Choice {
     const { state, about } = this._model;
     if (!state || about?.kind !== "flight") return "";
     if (!this._model.operator) return "This page may look only.";
-    if (!state.connected) return "No autopilot: no order but abort.";
+    if (!state.connected) return "No autopilot: only your own remote control may reach it.";
     if (!state.armed || state.on_ground) return "";
     const wrong = this._model.isPast("map")
       ? `${state.blind}: nothing is judged now, last ${this._model.since("map")}.`
       : point?.state === "unsafe" && !state.doing ? "The landing point is unsafe: select another." : "";
     if (wrong || state.doing) return [wrong, state.doing].filter(Boolean).join(" Now: ");
-    if (!state.guided) return `${state.mode}: you fly. To land, hand over first: guided flight mode.`;
+    if (!state.guided) return `You fly (${state.mode}). To land, set the guided flight mode.`;
     return point ? "Waits for your order: Confirm lands there." : "Waits for your order.";
   }
 
@@ -184,6 +183,7 @@ export class Choice {
   }
 
   _nothing() {
+    if (this._model.aim()) return [el("h2", {}, "Landing point", this._badge("unknown", "? NOT JUDGED YET")), el("p", { text: "It was chosen just now: the next report judges it." })];
     if (this._model.about?.kind === "replay") return [el("h2", { text: "No landing point" }), el("p", { text: "Tap a zone or a point of the map to see its facts." })];
     const words = this._model.operator
       ? "Tap a zone or a point of the map to see its facts, select it, and confirm the landing."

@@ -58,15 +58,15 @@ export class Model {
     }
   }
 
-  /** Whether a source of the state (autopilot, position, map) is silent: what it told is of the past. */
+  /** Whether a source of the state (autopilot, position, map) is silent: what it told is of the past. A map at a lost position is, too. */
   isPast(source) {
-    return Boolean(this.state?.past && source in this.state.past);
+    return Boolean(this.state?.past && (source in this.state.past || (source === "map" && this.state.lost)));
   }
 
   /** How long a silent source has been, in words. */
   since(source) {
-    const age = this.state?.past?.[source] ?? null;
-    return age === null ? "never" : age < 100 ? `${Math.round(age)} s ago` : `${Math.round(age / 60)} min ago`;
+    const age = this.state?.past?.[source] ?? (this.state?.lost ? 0 : null);
+    return age === null ? "never" : age < 2 ? "just now" : age < 100 ? `${Math.round(age)} s ago` : `${Math.round(age / 60)} min ago`;
   }
 
   /** How sure a zone is, in words; of the past, when it was last judged. */

@@ -101,10 +101,15 @@ export class Terrain {
     return mesh;
   }
 
-  /** Paint one block whose ground or zones changed: the one that waits for longest, each once a second at most. */
+  /** Paint what would show the past as the present at once, else one block whose ground or zones changed, each once a second at most. */
   _paintOne() {
     const now = performance.now();
-    const zones = `${this.model.zones?.number}/${this.model.isPast("map")}/${this.model.picked?.zone?.id}/${this.sheets.layer}/${theme()}`;
+    const look = `${this.model.isPast("map")}/${theme()}`;
+    const zones = `${this.model.zones?.number}/${look}/${this.model.picked?.zone?.id}/${this.sheets.layer}`;
+    for (const mesh of this.meshes.values()) {
+      if (mesh.painted && mesh.look !== look) this._paint(mesh, mesh.block, zones, now);
+      mesh.look = look;
+    }
     const due = [...this.meshes.values()].filter(
       (mesh) => (mesh.painted !== mesh.block.data || mesh.zones !== zones) && now - mesh.paintedAt > PAINT_MS,
     );

@@ -19,6 +19,7 @@ QUIET: dict[str, Any] = {
     "failsafe": False,
     "estimate_lost": "",
     "gps": "",
+    "lost": "",
     "aim_enu_m": None,
     "east_m": 0.0,
     "battery_low": False,
@@ -62,6 +63,12 @@ def test_a_point_judged_in_the_past_is_no_alarm_but_the_silent_lidar_is() -> Non
 
 def test_a_point_that_nobody_has_seen_is_a_warning() -> None:
     assert active_alarms(QUIET, {**SAFE, "state": "unknown", "judged_by": "none"})[0]["level"] == "warning"
+
+
+def test_a_verdict_at_a_lost_position_is_none() -> None:
+    assert keys({**QUIET, "gps": "lost", "armed": True, "lost": "GPS"}, {**SAFE, "state": "unsafe"}) == [
+        "gps"
+    ]
 
 
 def test_a_point_that_it_flies_to_no_more_raises_no_alarm() -> None:
