@@ -78,7 +78,8 @@ export class Choice {
   /** Where an emergency order would land now. */
   _soonestWords() {
     const soonest = this._model.state?.emergency;
-    if (!soonest) return this._model.isPast("map") ? `not now: ${this._model.state.blind}` : "not now: no zone known";
+    if (this._model.isPast("map")) return `not now: ${this._model.state.blind}`;
+    if (!soonest) return "not now: no zone known";
     if (soonest.seconds === null) return `zone ${soonest.zone}, too windy to reach`;
     const lasts = soonest.within_battery === false ? ", beyond the battery" : "";
     const zone = this._model.zone(soonest.zone);
