@@ -48,8 +48,10 @@ def outlook(state: LandingState, s: Situation) -> Outlook:
             away = f"{aim.away_m:.0f} m " if math.isfinite(aim.away_m) else ""
             return Outlook(phase, f"{away}to the point, then descends", abort)
         case Phase.DESCEND:
-            sinks_s = max(0.0, left_m - p.final_height_m) / p.descent_speed_ms
-            lands_s = sinks_s + min(left_m, p.final_height_m) / LANDING_MS
+            sinks_s, low_m = max(0.0, left_m - p.final_height_m) / p.descent_speed_ms, p.final_height_m
+            if (path := state.path) is not None and math.isfinite(aim.away_m):
+                sinks_s, low_m = aim.away_m / path.speed_ms(p), path.hover_m
+            lands_s = sinks_s + min(left_m, low_m) / LANDING_MS
             times = f"LAND in {sinks_s:.0f} s, touchdown in {lands_s:.0f} s"
             return Outlook(phase, f"{times}; {commit}", abort)
         case Phase.FINAL if left_m < p.commit_height_m:

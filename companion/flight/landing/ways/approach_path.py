@@ -45,6 +45,10 @@ class ApproachPath:
         """Tangent of the slope."""
         return math.tan(math.radians(self.slope_deg))
 
+    def speed_ms(self, p: Parameters) -> float:
+        """Return the horizontal speed along the path; the descent then does not exceed `descent_speed_ms`."""
+        return min(p.approach_speed_ms, p.descent_speed_ms / self.rise)
+
     def height_m(self, away_m: float) -> float:
         """Return the height of the path over the point at a horizontal distance along it."""
         return self.hover_m + self.rise * max(0.0, away_m)
@@ -69,7 +73,7 @@ class ApproachPath:
         along, aside = float(offset[:2] @ self.outward), float(offset[:2] @ _right(self.outward))
         error_m = self.height_m(along) - float(offset[2])
         share = 1 - (abs(error_m) - ON_PATH_M) / (OFF_PATH_M - ON_PATH_M)
-        speed_ms = min(p.approach_speed_ms, p.descent_speed_ms / self.rise) * min(1.0, max(0.0, share))
+        speed_ms = self.speed_ms(p) * min(1.0, max(0.0, share))
         outward_ms = float(now_enu_ms[:2] @ self.outward)
         inward = towards(-along * self.outward, speed_ms, outward_ms * self.outward)
         back_ms = max(-ASIDE_MS, min(ASIDE_MS, -ASIDE_GAIN_PER_S * aside))

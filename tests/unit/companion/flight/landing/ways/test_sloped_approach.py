@@ -49,6 +49,22 @@ def test_the_vehicle_comes_in_along_the_clear_corridor() -> None:
     assert places[-1, 2] < 5
 
 
+def test_the_time_told_is_that_of_the_path() -> None:
+    one = flight(made({(90, 10.0): int(SAFE)}, all_of=int(UNSAFE)))
+    told: list[tuple[float, int]] = []
+
+    def lands(f: Flight) -> bool:
+        if f.executive.phase is Phase.DESCEND and f.position[0] < 60:
+            words = f.executive.outlook(f.situation()).doing
+            told.append((f.time_s, int(words.removeprefix("LAND in ").partition(" ")[0])))
+        return f.executive.phase is Phase.FINAL
+
+    one.until(lands)
+    begun_s, seconds = told[0]
+    assert seconds > 10
+    assert abs(one.time_s - begun_s - seconds) < 0.25 * seconds
+
+
 def test_the_nose_is_on_the_course_and_the_landing_target_streamed_at_the_end() -> None:
     one = flight(made({(90, 10.0): int(SAFE)}, all_of=int(UNSAFE)))
     track(one, Phase.DESCEND)
