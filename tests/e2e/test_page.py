@@ -125,7 +125,7 @@ def test_what_a_silent_lidar_judged_is_of_the_past(browser: Chromium, tmp_path: 
         seen = await w.see(browser.script, shown)
         await w.see(browser.picture, tmp_path / "silent.png")
         assert seen["badge"] == "… NOT JUDGED NOW"
-        assert seen["hint"].startswith("LiDAR lost: nothing is judged now")
+        assert seen["hint"].startswith("Hovers. LiDAR lost: nothing is judged now")
         assert seen["off"] == [True] * 4
         assert seen["lamps"] == ["LiDAR", "Map"]
         assert seen["sure"] == ["past"]

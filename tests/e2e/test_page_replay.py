@@ -52,7 +52,11 @@ class Replayed(Beside):
         await self.page.run(self.front, stopped)
 
 
-@pytest.fixture(params=[False, True], ids=["desktop", "phone"])
+DESKTOP = pytest.mark.parametrize("browser", [False], indirect=True, ids=["desktop"])
+PHONE = pytest.mark.parametrize("browser", [True], indirect=True, ids=["phone"])
+
+
+@pytest.fixture
 def browser(chromium: Path, request: pytest.FixtureRequest) -> Iterator[Chromium]:
     size = (390, 844) if request.param else (1440, 860)
     with Chromium(chromium, *size, phone=request.param) as made:
@@ -69,6 +73,7 @@ def go_to(browser: Chromium, share: float) -> None:
     browser.click(x + share * width, y)
 
 
+@DESKTOP
 def test_the_time_line_holds_goes_on_faster_and_jumps_ahead_and_back(
     browser: Chromium, recording: Path
 ) -> None:
@@ -101,6 +106,7 @@ def test_the_time_line_holds_goes_on_faster_and_jumps_ahead_and_back(
         browser.until(f"!slz.model.replay.ended && {AT} < {0.9 * length}")
 
 
+@PHONE
 def test_a_finger_that_returns_to_where_it_began_does_not_stop_the_time_line(
     browser: Chromium, recording: Path
 ) -> None:
@@ -114,6 +120,7 @@ def test_a_finger_that_returns_to_where_it_began_does_not_stop_the_time_line(
         browser.until(f"Number({line}.value) > {at}")
 
 
+@PHONE
 def test_nothing_can_be_ordered_in_a_replay(browser: Chromium, recording: Path) -> None:
     with Replayed(recording, speed=1.0) as replayed:
         browser.open(replayed.url)

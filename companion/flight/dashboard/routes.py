@@ -85,7 +85,7 @@ def make_app(site: Site) -> ASGIApp:
     async def block(name: str, serial: int, level: int, row: int, col: int) -> Response:
         data = await site.block(name, serial, level, row, col)
         if data is None:
-            return PlainTextResponse("nothing is known there", 404)
+            return Response(status_code=204)  # nothing is known there, or the map was replaced meanwhile
         headers = {"content-encoding": "gzip", "cache-control": "no-store"}
         return Response(data, media_type="application/octet-stream", headers=headers)
 

@@ -31,7 +31,7 @@ def outlook(state: LandingState, s: Situation) -> Outlook:
         alone = f"{s.mode or 'the autopilot'} flies by itself, no commands"
         return Outlook(phase, alone if phase is Phase.FAILSAFE else "")
     p, aim = state.parameters, state.aim
-    left_m, commit = max(0.0, aim.height_left_m), f"no abort below {state.parameters.commit_height_m:g} m"
+    left_m, commit = max(0.0, aim.height_left_m), f"abort till {state.parameters.commit_height_m:g} m"
     rise_m = 0.0 if s.position_enu_m is None else state.route.height_m - float(s.position_enu_m[2])
     climbs = math.isfinite(rise_m) and rise_m > NEAR_M and not state.gps_loss.lasts
     abort = f"climbs {rise_m:.0f} m, then holds" if climbs else "holds here"

@@ -114,7 +114,7 @@ export class Choice {
     if (this._armed && state && !state.armed) this._say(""); // the flight that the answer was of is over
     this._armed = Boolean(state?.armed);
     this._forgetAnswer();
-    setText(byId("abort-does"), state?.abort_does || "nothing to abort");
+    setText(byId("abort-does"), state?.abort_does || this._whyNoAbort());
     setClass(byId("abort"), "idle", !state?.abort_does); // it can be pressed all the same
     byId("answer").dataset.hint = this._hint(point);
     const landed = this._landing();
@@ -126,19 +126,30 @@ export class Choice {
     byId("choice").replaceChildren(...(landed ? this._landed(landed) : picked ? this._picked(picked) : point ? this._watched(point) : this._nothing()));
   }
 
-  /** What is missing before an order can be given, shown while nothing was answered. */
+  _whyNoAbort() {
+    const { connected, phase } = this._model.state ?? {};
+    return !connected ? "no link" : { final: "too low", failsafe: "no effect: take over" }[phase] ?? "nothing to abort";
+  }
+
+  /** What it does now, and what is missing before an order can be given, shown while nothing was answered. */
   _hint(point) {
     const { state, about } = this._model;
     if (!state || about?.kind !== "flight") return "";
     if (!this._model.operator) return "This page may look only.";
     if (!state.connected) return "No autopilot: only your own remote control may reach it.";
     if (!state.armed || state.on_ground) return "";
-    const wrong = this._model.isPast("map")
-      ? `${state.blind}: nothing is judged now, last ${this._model.since("map")}.`
-      : point?.state === "unsafe" && !state.doing ? "The landing point is unsafe: select another." : "";
-    if (wrong || state.doing) return [wrong, state.doing].filter(Boolean).join(" Now: ");
-    if (!state.guided) return `You fly (${state.mode}). To land, set the guided flight mode.`;
-    return point ? "Waits for your order: Confirm lands there." : "Waits for your order.";
+    const now = state.doing || (state.guided ? "hovers and waits for your order" : `you fly (${state.mode})`);
+    return `${now[0].toUpperCase()}${now.slice(1)}${this._advice(point)}.`;
+  }
+
+  _advice(point) {
+    const { state } = this._model;
+    if (state.lost) return state.doing ? "" : `. ${state.lost} lost: fly by hand`;
+    if (this._model.isPast("map")) return `. ${state.blind}: nothing is judged now, last ${this._model.since("map")}`;
+    if (state.doing) return "";
+    if (!state.guided) return ". To land, set the guided flight mode";
+    if (point?.state === "unsafe") return ". The landing point is unsafe: select another";
+    return point ? ". Confirm lands there" : "";
   }
 
   _descending() {

@@ -204,7 +204,7 @@ export class Sheets {
     try {
       const { serial } = sheet.head;
       const answer = await fetch(`/map/${sheet.name}/${serial}/${place.key}`);
-      if (answer.ok && sheet.head.serial === serial) {
+      if (answer.status === 200 && sheet.head.serial === serial) {
         block.data = decode(await answer.arrayBuffer(), this.layers.slice(1).map(({ name }) => name));
         block.version = place.version;
         this._onChange();

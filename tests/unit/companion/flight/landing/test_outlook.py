@@ -24,7 +24,7 @@ def test_each_phase_of_a_landing_tells_what_comes_next_and_what_an_abort_does() 
     assert said[Phase.SURVEY][0] == ("surveying, then flies to a zone", "holds here")
     assert re.fullmatch(r"\d+ m to the point, then descends", said[Phase.APPROACH][0][0])
     doing, abort = said[Phase.DESCEND][-1]
-    assert re.fullmatch(r"LAND in \d+ s, touchdown in \d+ s; no abort below 1\.5 m", doing)
+    assert re.fullmatch(r"LAND in \d+ s, touchdown in \d+ s; abort till 1\.5 m", doing)
     assert re.fullmatch(r"climbs \d+ m, then holds", abort)
     assert said[Phase.FINAL][0][0].startswith("landing: touchdown in ")
     assert said[Phase.FINAL][-1] == ("landing: too low to abort", "")
