@@ -24,7 +24,7 @@ from rich.status import Status
 from companion.desk.demo import flight_files
 from companion.desk.demo.demo_options import TAKEOFF_M, DemoOptions, check
 from companion.desk.demo.flight_files import FlownMap
-from companion.desk.demo.flight_log import FlightLog, Said
+from companion.desk.demo.flown_timeline import Said, Timeline
 from companion.desk.evaluation import Truth, area_error, read_truth, touchdown
 from companion.flight.app import Companion
 from companion.flight.landing.situation import Phase
@@ -123,7 +123,7 @@ def _run(
     status: Status,
     interrupts: Interrupts,
     front: PageEndpoint | None,
-) -> tuple[Companion, FlightLog, float]:
+) -> tuple[Companion, Timeline, float]:
     """Fly on simulated time; return the stopped companion, its log and the simulated seconds."""
     with interrupts.held():
         client = LockstepClient(simulator.clock_port)
@@ -153,7 +153,7 @@ async def _mission(
     status: Status,
     interrupts: Interrupts,
     front: PageEndpoint | None,
-) -> tuple[Companion, FlightLog]:
+) -> tuple[Companion, Timeline]:
     companion = Companion(
         f"udpin:127.0.0.1:{simulator.mavlink_port}",
         f"{plan.sensor.kind}:127.0.0.1:{simulator.lidar_port}",
@@ -164,7 +164,7 @@ async def _mission(
         prior=plan.prior,
         record=plan.out / flight_files.RECORDING,
     )
-    log = FlightLog()
+    log = Timeline()
     watch = asyncio.create_task(_watch(companion, log, plan, status, interrupts))
     try:
         await companion.run()
@@ -174,7 +174,7 @@ async def _mission(
 
 
 async def _watch(
-    companion: Companion, log: FlightLog, plan: DemoOptions, status: Status, interrupts: Interrupts
+    companion: Companion, log: Timeline, plan: DemoOptions, status: Status, interrupts: Interrupts
 ) -> None:
     """Log and show the progress; stop the companion after landing, at the time limit or on a signal."""
     loop = asyncio.get_running_loop()

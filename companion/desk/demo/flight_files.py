@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from companion.desk.demo.flight_log import FlightLog
+from companion.desk.demo.flown_timeline import Timeline
 from companion.flight.outputs.zone_feature import zone_features
 from companion.flight.outputs.zone_outline import DEGREE_DECIMALS
 from companion.runtime import extras
@@ -29,7 +29,7 @@ class FlownMap:
     maps: TerrainMaps
     report: Report
     parameters: Parameters
-    log: FlightLog
+    log: Timeline
     points: dict[str, Place]
 
 

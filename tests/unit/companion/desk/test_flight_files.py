@@ -12,7 +12,7 @@ from companion.desk.clouds.cloud import GeoreferencedCloud
 from companion.desk.clouds.crs import from_option
 from companion.desk.demo import flight_files
 from companion.desk.demo.flight_files import FlownMap
-from companion.desk.demo.flight_log import FlightLog, Moment, Said
+from companion.desk.demo.flown_timeline import Moment, Said, Timeline
 from companion.desk.survey.cloud_survey import survey
 from params import load
 from tests.unit.companion.desk.survey.clouds import field, placed
@@ -26,7 +26,7 @@ def flown() -> FlownMap:
     found = survey(cloud, load("quadcopter", ["cell_m=0.5"]))
     best = found.maps.frame.lla(found.report.zones[0].best.enu_m)
     lat, lon, alt = (float(v) for v in best)
-    log = FlightLog(
+    log = Timeline(
         [
             Moment(0.0, "idle", None, None),
             *(Moment(k, "descend", 9.0 - k, (lat, lon, alt)) for k in (1.0, 2.0)),

@@ -1,4 +1,4 @@
-"""Log of a demonstration flight: places and phases over time, and the texts to the pilot."""
+"""Timeline of a demonstration flight: places and phases over time, and the texts to the pilot."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Said:
 
 
 @dataclass(slots=True)
-class FlightLog:
+class Timeline:
     """Moments and texts in the order of time. Places are independent of the map frame, which may change."""
 
     moments: list[Moment] = field(default_factory=list)
