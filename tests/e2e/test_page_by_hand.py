@@ -188,7 +188,7 @@ def test_all_alarms_at_once_leave_abort_on_the_screen(phone: Chromium, shown: Sh
     shown.board.set_report(report(selected=True, state=PointState.UNSAFE), 12.0)
     shown.state = {
         **shown.state, "lidar_ok": False, "east_m": None, "battery_low": True, "pipeline_failed": True,
-        "blocked": True, "heard": False, "gps": "lost", "lost": "GPS", "blind": "GPS lost",
+        "blocked": True, "heard": False, "gps": "lost", "blind": "GPS lost", "past": {"verdict": 0.4},
     }  # fmt: skip
     phone.until("document.querySelectorAll('.alarm').length === 2")  # the gravest, in one line each
     phone.tap_on("#alarms .more")

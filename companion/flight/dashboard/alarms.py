@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, Literal
 
-from companion.flight.dashboard.freshness import MAP
+from companion.flight.dashboard.freshness import VERDICT
 
 Level = Literal["critical", "warning"]
 OTHER_M = 0.5  # from the judged point: another one
@@ -26,8 +26,8 @@ def active_alarms(state: dict[str, Any], selected: dict[str, Any] | None) -> lis
     elsewhere = (
         selected is not None and aim is not None and math.dist(aim[:2], selected["enu_m"][:2]) > OTHER_M
     )
-    if MAP in state["past"] or state["lost"] or elsewhere:
-        selected = None  # judged in the past, at a lost position, or before it chose another
+    if VERDICT in state["past"] or elsewhere:
+        selected = None  # judged in the past, or before it chose another
     water = ": may be water" if selected is not None and selected["may_be_water"] else ""
     if selected is not None and selected["state"] == "unsafe":
         by = " (far map)" if selected["judged_by"] == "far" else ""

@@ -6,12 +6,10 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from companion.flight.dashboard.freshness import MAP, NEVER
+from companion.flight.dashboard.freshness import NEVER, VERDICT
 
 TITLE = "slz"
-PAST = (
-    "Silent sources (autopilot, position, map): s since their last word, null for never; empty: all is live."
-)
+PAST = "Silent of autopilot, position, map, verdict: s since the last word, null: never; empty: all is live."
 DESCRIPTION = (
     "What the landing companion knows. Read only: orders go through the page or MAVLink. Positions are metres"
     " east, north and up of the map's origin, or WGS-84 degrees in GeoJSON."
@@ -157,7 +155,7 @@ def status(
     lat, lon, alt = p.get("frame", (None, None, None))
     known = s.get("east_m") is not None
     past = s.get("past", NEVER)
-    judged = {"state": "unknown", "certainty": None} if MAP in past or s.get("lost") else {}
+    judged = {"state": "unknown", "certainty": None} if VERDICT in past else {}
     return Status(
         phase=s.get("phase"),
         mode=s.get("mode"),

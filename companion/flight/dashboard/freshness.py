@@ -1,7 +1,8 @@
 """Rule of freshness of the page: a value whose source is silent is not shown as present.
 
 The page draws the document of the state and that of the zones. The former holds no value of a silent source,
-but the age of its last word; the browser greys the latter by that.
+but the age of its last word; the browser greys the latter by that. Verdicts on ground end with the map, and
+with the position at which it is placed.
 """
 
 from __future__ import annotations
@@ -9,20 +10,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-AUTOPILOT, POSITION, MAP = "autopilot", "position", "map"
-NEVER: Mapping[str, float | None] = dict.fromkeys((AUTOPILOT, POSITION, MAP))
+AUTOPILOT, POSITION, MAP, VERDICT = "autopilot", "position", "map", "verdict"
+NEVER: Mapping[str, float | None] = dict.fromkeys((AUTOPILOT, POSITION, MAP, VERDICT))
 # Fields of the state that are told by a source, or computed from what it tells. The others are the
 # companion's own, which are as old as the document.
 FIELDS: Mapping[str, tuple[str, ...]] = {
     AUTOPILOT: (
-        *("mode", "guided", "armed", "on_ground", "failsafe", "estimate_lost", "lost", "gps"),
+        *("mode", "guided", "armed", "on_ground", "failsafe", "estimate_lost", "gps"),
         *("battery_pct", "battery_v", "battery_low", "height_home_m", "wind"),
     ),
     POSITION: (
         *("east_m", "north_m", "up_m", "velocity_enu_ms", "roll_deg", "pitch_deg", "yaw_deg", "height_m"),
         "emergency",
     ),
-    MAP: ("height_m", "blocked", "emergency", "moving", "way_in", "way_out", "wires"),
+    MAP: ("height_m", "blocked", "moving", "wires"),
+    VERDICT: ("emergency", "way_in", "way_out"),
 }
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from companion.flight.dashboard.freshness import AUTOPILOT, MAP, POSITION, with_ages
+from companion.flight.dashboard.freshness import AUTOPILOT, MAP, POSITION, VERDICT, with_ages
 from companion.flight.flight_view import FlightView
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.axes import heading_rad
@@ -51,7 +51,6 @@ def state(flight: FlightView) -> dict[str, Any]:
         "lidar_faults": lidar_faults(flight.lidar.diagnosis),
         "failsafe": s.failsafe,
         "estimate_lost": s.estimate_lost,
-        "lost": lost,
         "gps": "lost" if s.gps_lost else "glitch" if s.gps_glitching else "",
         "blocked": s.blocked,
         "pipeline_failed": flight.worker.invalid,
@@ -78,6 +77,7 @@ def state(flight: FlightView) -> dict[str, Any]:
         AUTOPILOT: (s.connected and s.heard, vehicle.last_heartbeat_ns),
         POSITION: (pose is not None, flight.history.bracketed_until_ns),
         MAP: (s.lidar_ok, s.judged_ns),
+        VERDICT: (s.lidar_ok and not lost, s.judged_ns),
     }
     return with_ages(document, s.now_ns, sources)
 
@@ -111,7 +111,6 @@ def replayed(
         "lidar_faults": lidar_faults(diagnosis),
         "failsafe": vehicle.failsafe,
         "estimate_lost": vehicle.health.estimate_lost,
-        "lost": "",
         "gps": "lost" if vehicle.health.gps_lost else "",
         "blocked": False,
         "pipeline_failed": False,
@@ -137,7 +136,7 @@ def replayed(
     sources = {
         AUTOPILOT: (heard_ns is not None and at_ns - heard_ns < HEARD_NS, heard_ns),
         POSITION: (pose is not None, history.bracketed_until_ns),
-        MAP: (judged_ns is not None and at_ns - judged_ns < JUDGED_NS, judged_ns),
+        **dict.fromkeys((MAP, VERDICT), (judged_ns is not None and at_ns - judged_ns < JUDGED_NS, judged_ns)),
     }
     return with_ages(document, at_ns, sources)
 

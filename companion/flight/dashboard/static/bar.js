@@ -60,9 +60,9 @@ export class Bar {
     this._set("battery", shown(s.battery_pct, 0, "%"), s.battery_low);
     this._set("wind", windWords(s.wind), Boolean(s.wind) && s.wind.gust_ms > (this._model.health?.parameters?.max_wind_ms ?? Infinity));
     this._set("distance", shown(away, 0, "m"));
-    const past = this._model.isPast("map");
+    const past = this._model.isPast("verdict");
     setText(this._cells.latency.label, past ? "Last report" : "Report after");
-    this._set("latency", past ? this._model.since("map") : shown(this._model.zones?.latency_ms, 0, "ms"), past && !s.on_ground);
+    this._set("latency", past ? this._model.since("verdict") : shown(this._model.zones?.latency_ms, 0, "ms"), past && !s.on_ground);
     this._lamp("link", s.connected && s.heard);
     for (const [key, good] of [["lidar", s.lidar_ok], ["map", !s.pipeline_failed && !past && Boolean(this._model.zones)]]) {
       this._lamp(key, good || s.on_ground); // the ground needs neither

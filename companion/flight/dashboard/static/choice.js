@@ -78,7 +78,7 @@ export class Choice {
   /** Where an emergency order would land now. */
   _soonestWords() {
     const soonest = this._model.state?.emergency;
-    if (this._model.isPast("map")) return `not now: ${this._model.state.blind}`;
+    if (this._model.isPast("verdict")) return `not now: ${this._model.state.blind}`;
     if (!soonest) return "not now: no zone known";
     if (soonest.seconds === null) return `zone ${soonest.zone}, too windy to reach`;
     const lasts = soonest.within_battery === false ? ", beyond the battery" : "";
@@ -103,7 +103,7 @@ export class Choice {
     const [picked, point] = [this._model.pickedNow(), this._model.selected()];
     const may = this._model.operator && Boolean(state) && this._model.about.kind === "flight";
     const ready = may && state.connected && !this._link.stale;
-    const judged = ready && !this._model.isPast("map");
+    const judged = ready && !this._model.isPast("verdict");
     byId("select").disabled = !judged || !picked || (picked.zone !== null && this._isFar(picked.zone));
     byId("confirm").disabled = !judged || !point || point.state === "unsafe" || !state.guided || this._flownTo(point);
     byId("best").disabled = !judged || !state.guided || !this._model.near().length || this._descending();
@@ -119,10 +119,10 @@ export class Choice {
     byId("answer").dataset.hint = this._hint(point);
     const landed = this._landing();
     setClass(document.body, "landed", Boolean(landed));
-    const now = JSON.stringify([picked, point, Boolean(this._model.aim()), landed, this._model.texts.at(-1)?.number, this._model.since("map"), this._model.zones?.number, this._model.about?.role]);
+    const now = JSON.stringify([picked, point, Boolean(this._model.aim()), landed, this._model.texts.at(-1)?.number, this._model.since("verdict"), this._model.zones?.number, this._model.about?.role]);
     if (now === this._drawn) return;
     this._drawn = now;
-    setClass(byId("choice"), "past", this._model.isPast("map") && !landed);
+    setClass(byId("choice"), "past", this._model.isPast("verdict") && !landed);
     byId("choice").replaceChildren(...(landed ? this._landed(landed) : picked ? this._picked(picked) : point ? this._watched(point) : this._nothing()));
   }
 
@@ -144,8 +144,7 @@ export class Choice {
 
   _advice(point) {
     const { state } = this._model;
-    if (state.lost) return state.doing ? "" : `. ${state.lost} lost: fly by hand`;
-    if (this._model.isPast("map")) return `. ${state.blind}: nothing is judged now, last ${this._model.since("map")}`;
+    if (this._model.isPast("verdict")) return `. ${state.blind}: nothing is judged now, last ${this._model.since("verdict")}`;
     if (state.doing) return "";
     if (!state.guided) return ". To land, set the guided flight mode";
     if (point?.state === "unsafe") return ". The landing point is unsafe: select another";
@@ -230,7 +229,7 @@ export class Choice {
         isBeyond(this._model, zone) ? el("p", { text: "Beyond the autopilot's fence: an order to land there is refused." }) : null,
       ].filter(Boolean);
     }
-    const state = this._model.isPast("map") ? "past" : (facts?.state ?? "unknown");
+    const state = this._model.isPast("verdict") ? "past" : (facts?.state ?? "unknown");
     return [
       el("h2", {}, "Point", this._badge(state, STATE_STYLE[state].word.toLowerCase())),
       this._facts([
@@ -243,7 +242,7 @@ export class Choice {
   }
 
   _whyNot(facts) {
-    if (this._model.isPast("map")) return `Last judged ${this._model.since("map")}: ${this._model.state.blind}.`;
+    if (this._model.isPast("verdict")) return `Last judged ${this._model.since("verdict")}: ${this._model.state.blind}.`;
     if (!facts?.map) return "Nothing was seen there: unknown is never safe.";
     if (facts.state === "unknown") return "Part of the footprint was not seen: unknown is never safe.";
     return "Outside of every zone: too steep or too uneven for the vehicle's footprint.";
@@ -255,7 +254,7 @@ export class Choice {
     const nearest = point.obstacles[0];
     return [
       el("h2", {}, `Landing point${zone ? ` · zone ${zone.id}` : ""}`, this._badge(point.state, `${style.mark} ${style.word}`)),
-      ...(point.state === "past" ? [el("p", { text: `Last judged ${this._model.since("map")}: ${this._model.state.blind}.` })] : []),
+      ...(point.state === "past" ? [el("p", { text: `Last judged ${this._model.since("verdict")}: ${this._model.state.blind}.` })] : []),
       this._facts([
         ["Certainty", percent(point.certainty, 1)],
         ["Slope", shown(point.slope_deg, 1, "°")],

@@ -28,7 +28,7 @@ export class Details {
   }
 
   update() {
-    if (this.open === "zones") this._once("zones", [this.model.zones?.number, this.model.isPast("map"), this.model.picked?.zone?.id], () => this._zones());
+    if (this.open === "zones") this._once("zones", [this.model.zones?.number, this.model.isPast("verdict"), this.model.picked?.zone?.id], () => this._zones());
     if (this.open === "log") this._once("log", this.model.texts.at(-1)?.number, () => this._log());
     if (this.open === "health") this._once("health", [this.model.health, this.model.zones?.number], () => this._health());
   }

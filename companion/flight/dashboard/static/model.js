@@ -58,20 +58,20 @@ export class Model {
     }
   }
 
-  /** Whether a source of the state (autopilot, position, map) is silent: what it told is of the past. A map at a lost position is, too. */
+  /** Whether a source of the state (autopilot, position, map, verdict) is silent: what it told is of the past. */
   isPast(source) {
-    return Boolean(this.state?.past && (source in this.state.past || (source === "map" && this.state.lost)));
+    return Boolean(this.state?.past && source in this.state.past);
   }
 
   /** How long a silent source has been, in words. */
   since(source) {
-    const age = this.state?.past?.[source] ?? (this.state?.lost ? 0 : null);
+    const age = this.state?.past?.[source] ?? null;
     return age === null ? "never" : age < 2 ? "just now" : age < 100 ? `${Math.round(age)} s ago` : `${Math.round(age / 60)} min ago`;
   }
 
   /** How sure a zone is, in words; of the past, when it was last judged. */
   sureWords(zone) {
-    return `${SURE_WORDS[zone.sure]} ${zone.sure === "past" ? this.since("map") : percent(zone.certainty)}`;
+    return `${SURE_WORDS[zone.sure]} ${zone.sure === "past" ? this.since("verdict") : percent(zone.certainty)}`;
   }
 
   near() {
@@ -99,7 +99,7 @@ export class Model {
   selected() {
     const [point, aim] = [this.zones?.selected ?? null, this.aim()];
     if (point && aim && Math.hypot(aim[0] - point.enu_m[0], aim[1] - point.enu_m[1]) > OTHER_M) return null;
-    return point && this.isPast("map") ? { ...point, state: "past", certainty: null, rose: null } : point;
+    return point && this.isPast("verdict") ? { ...point, state: "past", certainty: null, rose: null } : point;
   }
 
   /** Where it flies to, null while it does not. */
@@ -149,7 +149,7 @@ export class Model {
   }
 
   _judged(zones) {
-    if (!this.isPast("map")) return zones;
+    if (!this.isPast("verdict")) return zones;
     return zones.map((zone) => ({ ...zone, sure: "past", largest: false, certainty: null, point_certainty: null }));
   }
 

@@ -104,7 +104,7 @@ export class Terrain {
   /** Paint what would show the past as the present at once, else one block whose ground or zones changed, each once a second at most. */
   _paintOne() {
     const now = performance.now();
-    const look = `${this.model.isPast("map")}/${theme()}`;
+    const look = `${this.model.isPast("verdict")}/${theme()}`;
     const zones = `${this.model.zones?.number}/${look}/${this.model.picked?.zone?.id}/${this.sheets.layer}`;
     for (const mesh of this.meshes.values()) {
       if (mesh.painted && mesh.look !== look) this._paint(mesh, mesh.block, zones, now);

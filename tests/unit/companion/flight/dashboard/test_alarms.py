@@ -19,7 +19,6 @@ QUIET: dict[str, Any] = {
     "failsafe": False,
     "estimate_lost": "",
     "gps": "",
-    "lost": "",
     "aim_enu_m": None,
     "east_m": 0.0,
     "battery_low": False,
@@ -56,7 +55,7 @@ def test_an_unsafe_landing_point_comes_first() -> None:
 
 
 def test_a_point_judged_in_the_past_is_no_alarm_but_the_silent_lidar_is() -> None:
-    silent = {**QUIET, "lidar_ok": False, "past": {"map": 3.0}}
+    silent = {**QUIET, "lidar_ok": False, "past": {"map": 3.0, "verdict": 3.0}}
     for state in ("safe", "unsafe", "unknown"):
         assert keys(silent, {**SAFE, "state": state}) == ["no-lidar"]
 
@@ -66,9 +65,8 @@ def test_a_point_that_nobody_has_seen_is_a_warning() -> None:
 
 
 def test_a_verdict_at_a_lost_position_is_none() -> None:
-    assert keys({**QUIET, "gps": "lost", "armed": True, "lost": "GPS"}, {**SAFE, "state": "unsafe"}) == [
-        "gps"
-    ]
+    lost = {**QUIET, "gps": "lost", "armed": True, "past": {"verdict": 0.1}}
+    assert keys(lost, {**SAFE, "state": "unsafe"}) == ["gps"]
 
 
 def test_a_point_that_it_flies_to_no_more_raises_no_alarm() -> None:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -55,8 +56,31 @@ async def test_every_value_of_the_state_is_of_a_source_or_the_companion_s_own() 
         companion.worker.close()
     told = {field for fields in FIELDS.values() for field in fields}
     assert set(flown) == set(replayed) == told | OWN
-    assert flown["past"] == replayed["past"] == {"autopilot": None, "position": None, "map": None}
+    assert (
+        flown["past"]
+        == replayed["past"]
+        == {"autopilot": None, "position": None, "map": None, "verdict": None}
+    )
     assert {flown[field] for field in told} == {replayed[field] for field in told} == {None}
+
+
+@on_simulated_clock
+async def test_verdicts_end_where_the_position_is_lost_and_heights_over_ground_go_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    companion = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
+    mapped = replace(companion.situation(), lidar_ok=True, judged_ns=0, now_ns=0)
+    shown = {}
+    try:
+        for lost in ("", "position"):
+            then = replace(mapped, estimate_lost=lost)
+            monkeypatch.setattr(companion, "situation", partial(lambda s: s, then))
+            shown[lost] = state_document.state(companion)
+    finally:
+        companion.worker.close()
+    assert not shown[""]["past"].keys() & {"map", "verdict"}
+    assert shown["position"]["past"].keys() & {"map", "verdict"} == {"verdict"}
+    assert shown["position"]["blind"] == "position lost"
 
 
 @pytest.mark.parametrize("cut", [*FIELDS, "none"])
