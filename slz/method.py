@@ -13,8 +13,8 @@ from slz.adaptive import Choice
 from slz.landing_point.corridors import Corridors
 from slz.landing_point.judgement import SelectedPoint
 from slz.landing_point.watched_ground import WatchedGround
+from slz.map_frame import MapFrame
 from slz.report import MapReport
-from slz.stage_clock import StageClock
 from slz.terrain.terrain_view import DisplayedTerrain
 from slz.window import Window
 from slz.wires.detected_wire import Wire
@@ -62,9 +62,12 @@ class Method(Protocol):
         """Use other parameters from the next window on; those that shape a map are unchanged."""
 
     def process(
-        self, window: Window, sensor_enu_m: Points, selected: SelectedPoint | None, clock: StageClock
+        self, window: Window, frame: MapFrame, selected: SelectedPoint | None, ms: dict[str, float]
     ) -> MethodResult:
-        """Run the stages from points to zones on a window; keep the evidence at the selected point."""
+        """Run the stages from points to zones on a window in a map frame, and add their times to `ms`.
+
+        The evidence at the selected point is kept.
+        """
 
     def without_map(self, enu_m: Points, before: SelectedPoint | None) -> SelectedPoint:
         """Return the state of a selected point that neither map has."""
@@ -80,3 +83,9 @@ class Method(Protocol):
 
     def prior_report(self) -> MapReport | None:
         """Return the zones of ground surveyed before the flight, None without."""
+
+
+def centre_of(first_point: Points, window: Window) -> tuple[float, float]:
+    """Return where to centre maps: at the first (0 or 1, 3) point (SLZ paper, 3.1.2), else at the sensor."""
+    at = next(iter(first_point), np.nan_to_num(window.sensor_enu_m, posinf=0, neginf=0))
+    return float(at[0]), float(at[1])

@@ -14,11 +14,11 @@ from slz.frame import LocalFrame, is_known
 from slz.grid import Box
 from slz.landing_point.judgement import SelectedPoint, judge_point, unknown
 from slz.landing_point.local_heights import nearby
-from slz.map_pair import MapFrame
+from slz.lanes import timed
+from slz.map_frame import MapFrame
 from slz.method import Method, MethodResult, ResolutionMap
 from slz.prior import Source as PriorSource
 from slz.report import MapReport, Report
-from slz.stage_clock import StageClock
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 from slz.terrain.changes import Drawn, read_changes
 from slz.terrain.layers import Output, reaching
@@ -77,17 +77,17 @@ class Pipeline:
         Non-finite points, points beyond `reach_m` of the sensor and isolated points are dropped: n_points
         minus n_used counts them.
         """
-        clock = StageClock()
-        self._sensor = sensor = _sensor_of(window)
+        ms: dict[str, float] = {}
+        self._sensor = window.sensor_enu_m
         self._follow_frame(window.frame)
-        on_map = replace(window, frame=MapFrame.of(window.frame, self._map_number))
-        result = self.method.process(on_map, sensor, self._selected, clock)
+        frame = MapFrame.of(window.frame, self._map_number)
+        result = self.method.process(window, frame, self._selected, ms)
         self._map_begins = False
         self._far_is_active = self.method.far_is_active(result.choice)
-        self._selected = self._judge_selected(result)
-        clock.lap("landing_point")
-        around = nearby(result.near.terrain, result.far.terrain, sensor)
-        clock.lap("nearby")
+        with timed("landing_point", ms):
+            self._selected = self._judge_selected(result)
+        with timed("nearby", ms):
+            around = nearby(result.near.terrain, result.far.terrain, window.sensor_enu_m)
         return Report(
             stamp_ns=window.end_ns,
             frame=window.frame,
@@ -100,7 +100,7 @@ class Pipeline:
             n_without_tile=result.near.n_without_tile,
             n_evicted=result.near.n_evicted,
             far_is_active=self._far_is_active,
-            stage_ms=clock.ms,
+            stage_ms=ms,
             nearby=around,
             prior=self.method.prior_report(),
             wires=result.wires,
@@ -283,9 +283,3 @@ def _method(
 
         return PaperMethod(parameters, centre_enu_m, follow)
     return DefaultMethod(parameters, centre_enu_m, threads, prior)
-
-
-def _sensor_of(window: Window) -> Points:
-    """Return the sensor's place as a writable array, as the kernels take it; NaN where it is not known."""
-    sensor = np.array(window.sensor_enu_m, np.float64)
-    return sensor if is_known(sensor) else np.full(3, np.nan)

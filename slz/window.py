@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.frame import LocalFrame
+from slz.frame import LocalFrame, is_known
 
 LATE_NS = 2_000_000_000
 MOST_LATE = 100  # scans
@@ -152,6 +152,11 @@ class Window(Scan):
     origin: NDArray[np.uint16] | None = field(default=None, kw_only=True)
     origins_enu_m: NDArray[np.float64] | None = field(default=None, kw_only=True)
     thin_origin: NDArray[np.bool_] | None = field(default=None, kw_only=True)
+
+    @property
+    def sensor_known_m(self) -> NDArray[np.float64]:
+        """Writable copy of the sensor's position, as kernels take it; all NaN where it is unknown."""
+        return np.array(self.sensor_enu_m if is_known(self.sensor_enu_m) else np.full(3, np.nan), np.float64)
 
     @property
     def thin_origins_enu_m(self) -> NDArray[np.float64] | None:

@@ -13,7 +13,7 @@ from slz.paper.paper_detection import PaperDetection, Part
 from slz.paper.paper_terrain import PaperTerrain
 from slz.paper.paper_tracking import RepeatFilter
 from slz.paper.paper_zone import describe_paper_zone
-from slz.paper.window_cells import Returns
+from slz.paper.window_cells import WindowCells
 from slz.zone import Zone
 from slz.zones.detection import side_in_cells
 from slz.zones.ranking import Ranking
@@ -44,7 +44,7 @@ class PaperMap:
         least = max(1, int(p.min_boundary_points / scale))
         self._search = PaperDetection(terrain, side_in_cells(p.min_square_m, terrain.grid), least)
 
-    def fuse(self, returns: Returns) -> int:
+    def fuse(self, returns: WindowCells) -> int:
         """Fuse returns placed in this map's grid with the terrain; return how many were used."""
         return self.terrain.fuse(returns)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -11,12 +12,12 @@ from params import Parameters
 from slz.adaptive import Adapter, Choice
 from slz.grid import Grid
 from slz.landing_point.judgement import SelectedPoint, unknown
-from slz.map_pair import MapPair
-from slz.method import MethodResult
+from slz.lanes import timed
+from slz.map_frame import MapFrame
+from slz.method import MethodResult, centre_of
 from slz.paper.paper_map import PaperMap
-from slz.paper.window_cells import Returns
+from slz.paper.window_cells import WindowCells
 from slz.report import MapReport
-from slz.stage_clock import StageClock
 from slz.window import Window
 
 Points = NDArray[np.float64]
@@ -42,49 +43,44 @@ class PaperMethod:
         self._p = parameters
         self._follow = follow
         far = parameters.model_copy(update={"cell_m": parameters.far_cell_m})
-        self._pair = MapPair(
-            lambda centre, numbers: PaperMap(parameters, centre, numbers),
-            lambda centre, numbers: PaperMap(far, centre, numbers),
-            centre_enu_m,
-        )
+        self._parameters_of_maps = parameters, far
+        self._centre, self._numbers = centre_enu_m, itertools.count(1)
+        self._frame: MapFrame | None = None
+        self.maps: tuple[PaperMap, PaperMap] | None = None
         self._adapter = Adapter(parameters)
-        self._returns = Returns()
+        self._returns = WindowCells()
         self._far_was_active = False
-
-    @property
-    def maps(self) -> tuple[PaperMap, PaperMap] | None:
-        """Near and far map, None before the first window."""
-        return self._pair.maps
 
     def use(self, parameters: Parameters) -> None:
         """Use other parameters from the next window on; none that the sources' rules read may change."""
         self._p = parameters
 
     def process(
-        self, window: Window, sensor_enu_m: Points, selected: SelectedPoint | None, clock: StageClock
+        self, window: Window, frame: MapFrame, selected: SelectedPoint | None, ms: dict[str, float]
     ) -> MethodResult:
         """Run outlier removal, the choice of the map, terrain and zones on a window."""
-        if self._pair.is_new(window):
-            self._adapter, self._far_was_active = Adapter(self._p), False
-            self._pair.create_maps(window, lambda: self._read(window, sensor_enu_m, ANYWHERE).kept()[:1])
-        near, far = self._pair.maps_now
-        guess = far if self._far_was_active else near
-        returns = self._read(window, sensor_enu_m, guess.terrain.grid)
-        clock.lap("outliers")
-        choice = self._adapter.choose_from_cells(window, returns)
-        active = far if choice.far else near
-        if active is not guess:
-            returns = self._read(window, sensor_enu_m, active.terrain.grid)
-        clock.lap("choice")
-        outside = returns.first_outside() if self._follow else None
-        if outside is not None:
-            active.move(*outside)
-            returns = self._read(window, sensor_enu_m, active.terrain.grid)
-        n_used = active.fuse(returns)
-        clock.lap("terrain")
-        near.detect_zones(sensor_enu_m)
-        far.detect_zones(sensor_enu_m)
-        clock.lap("zones")
+        sensor_enu_m = window.sensor_known_m
+        if self.maps is None or frame != self._frame:
+            self.maps = self._new_maps(window, sensor_enu_m)
+            self._adapter, self._far_was_active, self._frame = Adapter(self._p), False, frame
+        near, far = self.maps
+        with timed("outliers", ms):
+            guess = far if self._far_was_active else near
+            returns = self._read(window, sensor_enu_m, guess.terrain.grid)
+        with timed("choice", ms):
+            choice = self._adapter.choose_from_cells(window, returns)
+            active = far if choice.far else near
+            if active is not guess:
+                returns = self._read(window, sensor_enu_m, active.terrain.grid)
+        with timed("terrain", ms):
+            outside = returns.first_outside() if self._follow else None
+            if outside is not None:
+                active.move(*outside)
+                returns = self._read(window, sensor_enu_m, active.terrain.grid)
+            n_used = active.fuse(returns)
+        with timed("zones", ms):
+            near.detect_zones(sensor_enu_m)
+            far.detect_zones(sensor_enu_m)
         self._far_was_active = choice.far
         return MethodResult(near, far, choice, n_used)
 
@@ -106,7 +102,13 @@ class PaperMethod:
         """Return None: the sources know no ground surveyed before the flight."""
         return None
 
-    def _read(self, window: Window, sensor_enu_m: Points, grid: Grid) -> Returns:
+    def _new_maps(self, window: Window, sensor_enu_m: Points) -> tuple[PaperMap, PaperMap]:
+        """Return a near and a far map at the window's first point."""
+        centre = self._centre or centre_of(self._read(window, sensor_enu_m, ANYWHERE).kept()[:1], window)
+        near, far = (PaperMap(p, centre, self._numbers) for p in self._parameters_of_maps)
+        return near, far
+
+    def _read(self, window: Window, sensor_enu_m: Points, grid: Grid) -> WindowCells:
         """Place a window's returns in a grid and drop the outliers among them (SLZ paper, section 3.2.1)."""
         p = self._p
         self._returns.read(window.points_enu_m, sensor_enu_m, p.max_range_m, grid)

@@ -18,7 +18,7 @@ from slz.kernels.paper.fuse import WORD, fuse, refresh
 from slz.kernels.paper.point_pass import MOST_CELLS
 from slz.kernels.raster.bitmap import unpacked
 from slz.paper.snapshots import BlockCopies
-from slz.paper.window_cells import Returns
+from slz.paper.window_cells import WindowCells
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 from slz.terrain.demand_zero import demand_zeros, prefault_range
 from slz.terrain.footing import ANY_FOOTING, Footing
@@ -80,12 +80,12 @@ class PaperTerrain:
 
         The sources use neither the sensor's position nor the age of a map.
         """
-        returns = Returns()
+        returns = WindowCells()
         returns.read(points_enu_m, UNKNOWN_POSITION, math.inf, self.grid)
         self.fuse(returns)
         return returns.box if returns.n > returns.n_outside else EMPTY_BOX
 
-    def fuse(self, returns: Returns) -> int:
+    def fuse(self, returns: WindowCells) -> int:
         """Fuse the returns of a window placed in this grid; return how many were used."""
         p, grid, box = self._parameters, self.grid, returns.whole
         if returns.n == returns.n_outside:

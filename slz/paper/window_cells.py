@@ -23,7 +23,7 @@ LARGE_SUMS, CELLS_PER_POINT = (
 FAR_OFF_M = 100.0  # distance of the level from the accepted heights; float32 resolves 0.004 mm there
 
 
-class Returns:
+class WindowCells:
     """Returns of a window, 8 bytes each: cell and height. One object serves all windows in turn.
 
     low_m, high_m: the accepted heights; all until `keep_heights`.

@@ -19,7 +19,7 @@ from slz.kernels.raster.bitmap import packed
 from slz.kernels.raster.connected_components import largest_groups, median_height, obstacles
 from slz.kernels.raster.distance_transform import greatest_clearance, square_and_clearance
 from slz.kernels.raster.region_fill import component
-from slz.paper.window_cells import Returns
+from slz.paper.window_cells import WindowCells
 from slz.points.outliers import gap_interval, in_cluster, not_isolated
 from slz.radar.accuracy import coherence, height_error_m, phase_error_rad, whole_height_error_m
 from slz.radar.interferometer import Interferometer
@@ -87,7 +87,7 @@ def clouds() -> Iterator[Any]:
         yield keep
         yield gap_interval(points[:, 2], 0.5 + 0.4 * (k % 4), 0.004 * (k % 6))
         yield in_cluster(points[-40:], 2.0 + k, 3)
-        returns, grid = Returns(), Grid(-5.0, -6.0, 0.25 + 0.05 * k, 30, 90)
+        returns, grid = WindowCells(), Grid(-5.0, -6.0, 0.25 + 0.05 * k, 30, 90)
         returns.read(points, sensor, 25.0 + 3 * k, grid)
         yield returns.low_m, returns.high_m, returns.n, returns.n_outside, returns.box
         returns.keep_heights(10 + 15 * k, 0.9)

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from slz.grid import Grid
 from slz.kernels.points.histogram import ends_of, gaps_of
-from slz.paper.window_cells import Returns
+from slz.paper.window_cells import WindowCells
 from tests.oracle.source_rules import histogram_interval
 
 
 def kept(height: NDArray[np.float64], bins: int = 31, threshold: float = 0.9) -> tuple[float, float]:
     points = np.column_stack([np.zeros((len(height), 2)), height])
-    returns = Returns()
+    returns = WindowCells()
     returns.read(points, np.full(3, np.nan), 100.0, Grid.centred(0.0, 0.0, 20.0, 1.0))
     returns.keep_heights(bins, threshold)
     return returns.low_m, returns.high_m

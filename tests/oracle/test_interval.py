@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from slz.grid import Grid
 from slz.kernels.paper.height_gate import CHUNK, SAMPLE_EVERY, SAMPLED_ABOVE
-from slz.paper.window_cells import Returns
+from slz.paper.window_cells import WindowCells
 
 Heights = NDArray[np.float64]
 BINS, THRESHOLD = 300, 0.9
@@ -39,7 +39,7 @@ def accepted(height: Heights, seed: int) -> tuple[float, float]:
     points[: len(height) // 50, 0] = 60.0  # outside the grid, and yet a height
     dropped = np.full((40, 3), np.nan)
     points = np.insert(points, rng.integers(0, len(points), 40), dropped, axis=0)
-    returns = Returns()
+    returns = WindowCells()
     returns.read(points, np.full(3, np.nan), math.inf, GRID)
     returns.keep_heights(BINS, THRESHOLD)
     return returns.low_m, returns.high_m

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from slz.grid import Grid
-from slz.paper.window_cells import Returns
+from slz.paper.window_cells import WindowCells
 
 
 @pytest.mark.parametrize(("half_m", "n"), [(3.0, 1500), (40.0, 70_000)])
@@ -20,7 +20,7 @@ def test_the_mean_height_of_each_cell_hit_is_that_of_its_returns(half_m: float, 
     points = np.column_stack([rng.uniform(-half_m, half_m, (n, 2)), rng.uniform(-4.0, 9.0, n)])
     points[:200] = points[200:400] + np.array([0.0, 0.0, 0.5])  # cells with several
     points[0], points[1] = (70.0, 0.0, 1.0), (math.nan, 0.0, 1.0)  # outside, and no point
-    returns = Returns()
+    returns = WindowCells()
     returns.read(points, np.full(3, np.nan), math.inf, grid)
     box = returns.whole
     assert box.col0 % 64 == box.col1 % 64 == 0
@@ -40,12 +40,14 @@ def test_the_mean_height_of_each_cell_hit_is_that_of_its_returns(half_m: float, 
     np.testing.assert_allclose(height_m, own_m, rtol=0, atol=1e-5)
 
 
-def flat(first: list[list[float]]) -> tuple[Returns, np.ndarray[tuple[int, ...], np.dtype[np.uint64]], float]:
+def flat(
+    first: list[list[float]],
+) -> tuple[WindowCells, np.ndarray[tuple[int, ...], np.dtype[np.uint64]], float]:
     """Return what becomes of some returns, and then of many from ground that slopes."""
     rng = np.random.default_rng(3)
     xy = rng.uniform(-20.0, 20.0, (60_000, 2))
     ground = np.column_stack([xy, 0.16 * xy[:, 0]])
-    returns = Returns()
+    returns = WindowCells()
     points = np.vstack([np.array(first).reshape(-1, 3), ground])
     returns.read(points, np.array([0.0, 0.0, 30.0]), 100.0, Grid(-20.0, -20.0, 0.1, 400, 400))
     returns.keep_heights(300, 0.9)
@@ -81,7 +83,7 @@ def test_two_returns_far_apart_take_no_memory_for_the_ground_between() -> None:
     grid = Grid(-1500.0, -1500.0, 0.2, 15_000, 15_000)
     points = np.column_stack([rng.uniform(-30.0, 30.0, (20_000, 2)), rng.normal(0.0, 0.01, 20_000)])
     points[:2, :2] = (-700.0, -700.0), (700.0, 700.0)
-    returns = Returns()
+    returns = WindowCells()
     returns.read(points, np.full(3, np.nan), math.inf, grid)
     before = resident_mb()
     sums, _, count_bits, used = returns.sums()

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 import params
 from slz import SAFE, UNKNOWN, UNSAFE, LocalFrame, Pipeline, Window
-from slz.default_method import ZoneMap
 from slz.grid import Box, Grid
 from slz.kernels.cells.cell_record import NOISE
 from slz.kernels.paper.zone_statistics import inside_count
 from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.tiles import TILE_BYTES, Noise, Tiles
 from slz.zones.detection import search_components
+from slz.zones.zone_map import ZoneMap
 from tests.unit.slz.hand_made import near_map
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 import params
 from slz import SAFE, UNSAFE, LocalFrame, Pipeline, Window
-from slz.default_method import ZoneMap
 from slz.grid import Box
 from slz.kernels.cells.cell_record import TILE
+from slz.zones.zone_map import ZoneMap
 from tests.unit.slz.hand_made import near_map
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 import params
 from slz import Pipeline, Report, Window, Zone
-from slz.default_method import ZoneMap
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
 from slz.kernels.raster.bitmap import ALL
 from slz.kernels.raster.zonal_sums import ZONAL_STATISTICS, carry_over
 from slz.zones.description import Content
+from slz.zones.zone_map import ZoneMap
 from tests.unit.slz.hand_made import FRAME, near_map
 
 Points = NDArray[np.float64]

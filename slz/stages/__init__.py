@@ -1,0 +1,45 @@
+"""Stages of the default method, one file each, in the order in which a window passes them.
+
+`BELIEF` tells which returns of a window to believe, `METHOD` what the ground below them is and where to
+land. What a stage reads and sets are names: of flags of returns (`slz.returns.Flag`) in capitals, of their
+`places`, and of parts of the ground (`slz.ground.Ground`).
+"""
+
+from __future__ import annotations
+
+from params import Parameters
+from slz.ground import Ground
+from slz.lanes import Stage, unmet
+from slz.stages.arrivals import ArrivalStage
+from slz.stages.corridors import CorridorStage
+from slz.stages.evidence import FarEvidence, NearEvidence
+from slz.stages.isolation import Isolation
+from slz.stages.prior import PriorStage
+from slz.stages.raised import Raised
+from slz.stages.range_gate import RangeGate
+from slz.stages.registration import Registration
+from slz.stages.resolution import Resolution
+from slz.stages.seen_air import SeenAirStage
+from slz.stages.surface import SurfaceStage
+from slz.stages.wires import WireStage
+from slz.stages.zones import ZoneStage
+
+BELIEF: tuple[Stage[Parameters], ...] = (RangeGate(), Isolation())
+METHOD: tuple[Stage[Ground], ...] = (
+    Resolution(),
+    Registration(),
+    SeenAirStage(),
+    Raised(),
+    SurfaceStage(),
+    ArrivalStage(),
+    WireStage(),
+    FarEvidence(),
+    NearEvidence(),
+    ZoneStage(),
+    CorridorStage(),
+    PriorStage(),
+)
+GIVEN = frozenset({"places", "near", "far"})  # a window's returns, and the maps of the windows before it
+
+if missing := unmet((*BELIEF, *METHOD), GIVEN):
+    raise RuntimeError(f"stages read what none before them sets: {missing}")

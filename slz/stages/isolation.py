@@ -1,0 +1,48 @@
+"""Stage: outlier removal, and the isolated returns that are judged by many windows together."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from params import Parameters
+from slz.lanes import MAIN
+from slz.points.mapping_reach import reach_m, within
+from slz.points.outliers import CLOUD_GROUP, FLIGHT_GROUP, gap_interval, in_cluster, is_dense_at, not_isolated
+from slz.returns import Flag, Returns
+
+THIN_REACH = 1.2  # of the mapping reach, up to which isolated returns are judged
+
+
+class Isolation:
+    """Finds the returns that no outlier rule drops, and the isolated ones.
+
+    The near map judges the isolated ones together with those of other windows. Where most returns are
+    isolated, the far map takes them all.
+    """
+
+    name, lane = "isolation", MAIN
+    reads = frozenset({"places", "USABLE"})
+    sets = frozenset({"KEPT", "SPARSE", "NEAR", "ISOLATED", "DISTANT"})
+
+    def run(self, returns: Returns, p: Parameters, /) -> None:
+        """Set KEPT, SPARSE, NEAR, ISOLATED, DISTANT."""
+        flags, sensor, in_flight = returns.flags, returns.sensor_m, returns.has_place
+        rows = returns.rows(Flag.USABLE)
+        points = returns.places_m if len(rows) == len(returns) else returns.places(Flag.USABLE)
+        # A stored cloud was cleaned by who made it.
+        keep = not_isolated(points, sensor, p.cell_m) if in_flight else np.ones(len(points), bool)
+        height_m = points[:, 2]
+        low_m, high_m = gap_interval(height_m[keep], p.outlier_gap_m)
+        strays = np.flatnonzero(keep & ((height_m < low_m) | (height_m > high_m)))
+        keep[strays] = in_cluster(points[strays], *(FLIGHT_GROUP if in_flight else CLOUD_GROUP))
+        flags[rows[keep]] |= np.uint16(Flag.KEPT)
+        if in_flight:
+            alone = rows[~keep]
+            isolated = returns.places_m[alone]
+            dense = is_dense_at(isolated, sensor, len(points))
+            judged = within(isolated, sensor, THIN_REACH * reach_m(p)) & ~dense
+            flags[alone[judged]] |= np.uint16(Flag.ISOLATED)
+            flags[alone[~(judged | dense)]] |= np.uint16(Flag.DISTANT)
+            if 2 * len(alone) > len(points):
+                flags[alone] |= np.uint16(Flag.KEPT | Flag.SPARSE)
+        flags[within(returns.places_m, sensor, reach_m(p))] |= np.uint16(Flag.NEAR)

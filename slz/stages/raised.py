@@ -1,0 +1,26 @@
+"""Stage: returns above known ground, at any range: they count at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slz.ground import Ground
+from slz.lanes import MAIN
+from slz.returns import Flag, Returns
+
+
+class Raised:
+    """Marks what is higher over known ground of the near map than noise and the relief limit explain."""
+
+    name, lane = "raised", MAIN
+    reads, sets = frozenset({"places", "KEPT", "SPARSE", "near"}), frozenset({"RAISED"})
+
+    def run(self, returns: Returns, ground: Ground, /) -> None:
+        """Set RAISED."""
+        if not returns.has_place:
+            return
+        rows = returns.rows(Flag.KEPT, Flag.SPARSE)
+        terrain = ground.near.terrain
+        limits = returns.sensor_m, terrain.noise, ground.parameters.relief_m
+        higher = terrain.tiles.contradicted_by(returns.places_m[rows], *limits)
+        returns.flags[rows[higher]] |= np.uint16(Flag.RAISED)

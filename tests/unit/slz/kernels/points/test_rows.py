@@ -1,0 +1,18 @@
+"""Rows of returns by their flags, against NumPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from slz.kernels.points.rows import picked, rows_of
+
+
+@pytest.mark.parametrize(("has", "lacks"), [(0, 0), (1, 0), (0, 1), (3, 4), (8, 3)])
+@pytest.mark.parametrize("n", [0, 1, 500])
+def test_rows_are_those_with_all_of_one_sum_and_none_of_the_other(n: int, has: int, lacks: int) -> None:
+    random = np.random.default_rng(n)
+    flags, places = random.integers(0, 16, n).astype(np.uint16), random.normal(size=(n, 3))
+    wanted = ((flags & has) == has) & ((flags & lacks) == 0)
+    assert np.array_equal(rows_of(flags, has, lacks), np.flatnonzero(wanted))
+    assert np.array_equal(picked(places, flags, has, lacks), places[wanted])
