@@ -17,27 +17,37 @@ ROOT = Path(__file__).parent
 
 
 def kernel(function: F) -> F:
-    """Compile a function at import, for the types in its annotations (`sitl.array_types`)."""
-    compiled = _compiled(function)
+    """Compile a function at import, for the types in its annotations (`sitl.array_types`).
+
+    It and its parts allocate nothing, so they are compiled without reference counting. Numba would count
+    each array of a table at each ray: atomic additions that take as long as the ray.
+    """
+    compiled = _compiled(function, counted=False)
     if hasattr(compiled, "compile"):  # not with the compiler off
         compiled.compile(_signature(function))
         compiled.disable_compile()
     return cast(F, compiled)
 
 
+def kernel_part(function: F) -> F:
+    """Compile a function that kernels call, for the types of each call; it allocates nothing, as they do."""
+    return cast(F, _compiled(function, counted=False))
+
+
 def kernel_for_any_types(function: F) -> F:
-    """Compile a function when it is first called, by a kernel or otherwise, for the types of that call."""
-    return cast(F, _compiled(function))
+    """Compile a function that may allocate when it is first called, for the types of that call."""
+    return cast(F, _compiled(function, counted=True))
 
 
-def _compiled(function: Callable[..., Any]) -> Any:
+def _compiled(function: Callable[..., Any], counted: bool) -> Any:
     """Return a function with Numba's compiler, without the GIL and cached on disk.
 
     Numba reuses compiled code until the source of the kernel itself changes, but that code contains kernels
     and constants of other modules too. The cache is therefore marked with all sources of the simulator.
     ``fastmath`` is never on: it would let the compiler assume that NaN does not exist.
     """
-    compiled = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    options: dict[str, Any] = {"_nrt": counted}  # a name that Numba's own types do not have
+    compiled = numba.njit(cache=True, nogil=True, error_model="numpy", **options)(function)
     index = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
     if index is not None:  # None if the compiler is disabled
         index._version = f"{index._version} {_stamp()}"  # compared before anything else is read

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from sitl.array_types import Array1D, Array2D
-from sitl.compilation import kernel, kernel_for_any_types
+from sitl.compilation import kernel, kernel_part
 from sitl.world.raycast import ground_square, slab
 from sitl.world.tables import F64, INF, GroundTable, LayerTable
 
@@ -22,7 +22,7 @@ MOST_STEP_M = 0.1
 CLUMP_M, PATCH_M = 0.4, 6.0
 
 
-@kernel_for_any_types
+@kernel_part
 def _lattice(i: int, j: int) -> float:
     """Return a fixed random number of a lattice point, -1 to 1."""
     h = (i * 374761393 + j * 668265263 + 144665) & 0x7FFFFFFF
@@ -30,7 +30,7 @@ def _lattice(i: int, j: int) -> float:
     return (h ^ (h >> 16)) / 1073741823.5 - 1.0
 
 
-@kernel_for_any_types
+@kernel_part
 def _noise(x: float, y: float, pitch: float) -> float:
     """Return fixed smooth noise, -1 to 1, by interpolation between lattice points."""
     i, j = math.floor(x / pitch), math.floor(y / pitch)
@@ -40,21 +40,21 @@ def _noise(x: float, y: float, pitch: float) -> float:
     return low * (1 - v) + high * v
 
 
-@kernel_for_any_types
+@kernel_part
 def plant_height(plants: F64, p: int, x: float, y: float) -> float:
     """Return the height of a stand of plants over the ground at a place."""
     uneven = 0.6 * _noise(x, y, CLUMP_M) + 0.4 * _noise(x + 71.3, y - 33.7, PATCH_M)
     return float(plants[p, 1] * (1.0 + plants[p, 3] * uneven))
 
 
-@kernel_for_any_types
+@kernel_part
 def _extinction(plants: F64, p: int, x: float) -> float:
     if plants[p, 4] == 0.0:
         return float(plants[p, 2])
     return float(plants[p, 2] * (1.0 + plants[p, 5] * math.cos(2.0 * math.pi * x / plants[p, 4])))
 
 
-@kernel_for_any_types
+@kernel_part
 def _height_in_square(z: F64, j: int, i: int, u: float, v: float) -> float:
     low = z[j, i] * (1 - u) + z[j, i + 1] * u
     high = z[j + 1, i] * (1 - u) + z[j + 1, i + 1] * u

@@ -15,12 +15,12 @@ import math
 import numpy as np
 
 from sitl.array_types import Array1D, Array2D
-from sitl.compilation import kernel, kernel_for_any_types
+from sitl.compilation import kernel, kernel_part
 from sitl.world.hits import GROUND, MOVERS, NOTHING
 from sitl.world.tables import F64, INF, GridTable, GroundTable, MoverTable, SolidTable
 
 
-@kernel_for_any_types
+@kernel_part
 def _first(near: float, far: float) -> float:
     """Return the first of two ordered crossings that is ahead."""
     if near > 0.0:
@@ -28,7 +28,7 @@ def _first(near: float, far: float) -> float:
     return far if far > 0.0 else INF
 
 
-@kernel_for_any_types
+@kernel_part
 def slab(origin: float, direction: float, low: float, high: float) -> tuple[float, float]:
     """Return the interval of t between two parallel planes, (inf, -inf) if the ray is never between them."""
     if direction == 0.0:
@@ -38,7 +38,7 @@ def slab(origin: float, direction: float, low: float, high: float) -> tuple[floa
     return (a, b) if a <= b else (b, a)
 
 
-@kernel_for_any_types
+@kernel_part
 def _box(p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float) -> float:
     c, s = p[i, 6], p[i, 7]
     rx, ry = ox - p[i, 0], oy - p[i, 1]
@@ -50,7 +50,7 @@ def _box(p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: float, 
     return _first(near, far) if near <= far else INF
 
 
-@kernel_for_any_types
+@kernel_part
 def _cylinder(p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float) -> float:
     rx, ry = ox - p[i, 0], oy - p[i, 1]
     near, far = slab(oz, dz, p[i, 2], p[i, 3])
@@ -67,7 +67,7 @@ def _cylinder(p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: fl
     return _first(near, far) if near <= far else INF
 
 
-@kernel_for_any_types
+@kernel_part
 def _ellipsoid(p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float) -> float:
     rx, ry, rz = (ox - p[i, 0]) / p[i, 3], (oy - p[i, 1]) / p[i, 4], (oz - p[i, 2]) / p[i, 5]
     ex, ey, ez = dx / p[i, 3], dy / p[i, 4], dz / p[i, 5]
@@ -80,7 +80,7 @@ def _ellipsoid(p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: f
     return _first((-b - root) / a, (-b + root) / a)
 
 
-@kernel_for_any_types
+@kernel_part
 def _wire(p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float) -> float:
     ax, ay, az = p[i, 3] - p[i, 0], p[i, 4] - p[i, 1], p[i, 5] - p[i, 2]
     length2 = ax * ax + ay * ay + az * az
@@ -103,7 +103,7 @@ def _wire(p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: float,
     return float(far) if far > 0.0 and 0.0 <= along_r + far * along_d <= 1.0 else INF
 
 
-@kernel_for_any_types
+@kernel_part
 def solid_hit(
     shape: int, p: F64, i: int, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float
 ) -> float:
@@ -117,7 +117,7 @@ def solid_hit(
     return _wire(p, i, ox, oy, oz, dx, dy, dz)
 
 
-@kernel_for_any_types
+@kernel_part
 def patch_hit(
     z: F64,
     j: int,
@@ -161,7 +161,7 @@ def patch_hit(
     return float(tb) if t0 <= tb <= t1 else INF
 
 
-@kernel_for_any_types
+@kernel_part
 def solid_normal(shape: int, p: F64, i: int, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Return a normal (any length and sign) of solid i at a point on its surface."""
     if shape == 2:
@@ -181,7 +181,7 @@ def solid_normal(shape: int, p: F64, i: int, x: float, y: float, z: float) -> tu
     return (c, s, 0.0) if on_end else (-s, c, 0.0)
 
 
-@kernel_for_any_types
+@kernel_part
 def ground_square(ground: GroundTable, x: float, y: float) -> tuple[int, int, float, float]:
     """Return row, column and the position within the square of the ground under (x, y)."""
     z, _, meta = ground
@@ -191,7 +191,7 @@ def ground_square(ground: GroundTable, x: float, y: float) -> tuple[int, int, fl
     return j, i, u - i, v - j
 
 
-@kernel_for_any_types
+@kernel_part
 def ground_normal(ground: GroundTable, x: float, y: float) -> tuple[float, float, float]:
     j, i, u, v = ground_square(ground, x, y)
     z, post = ground[0], ground[2][2]
@@ -200,7 +200,7 @@ def ground_normal(ground: GroundTable, x: float, y: float) -> tuple[float, float
     return -gx / post, -gy / post, 1.0
 
 
-@kernel_for_any_types
+@kernel_part
 def ground_hit(
     ground: GroundTable,
     ox: float,
@@ -243,7 +243,7 @@ def ground_hit(
             return INF
 
 
-@kernel_for_any_types
+@kernel_part
 def _movers_hit(
     movers: MoverTable, ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, limit: float
 ) -> tuple[float, int]:
@@ -261,7 +261,7 @@ def _movers_hit(
     return best, which
 
 
-@kernel_for_any_types
+@kernel_part
 def _cast_one(
     ground: GroundTable,
     solids: SolidTable,

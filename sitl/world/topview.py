@@ -10,11 +10,11 @@ import math
 import numpy as np
 
 from sitl.array_types import Array1D
-from sitl.compilation import kernel, kernel_for_any_types
+from sitl.compilation import kernel, kernel_part
 from sitl.world.tables import F64, INF, GridTable, GroundTable, MoverTable, SolidTable
 
 
-@kernel_for_any_types
+@kernel_part
 def _top(shape: int, p: F64, i: int, x: float, y: float) -> float:
     """Return the height of the top of solid i above (x, y), -inf beside it."""
     rx, ry = x - p[i, 0], y - p[i, 1]
@@ -30,7 +30,7 @@ def _top(shape: int, p: F64, i: int, x: float, y: float) -> float:
     return _wire_top(p, i, rx, ry)
 
 
-@kernel_for_any_types
+@kernel_part
 def _wire_top(p: F64, i: int, rx: float, ry: float) -> float:
     ax, ay, az = p[i, 3] - p[i, 0], p[i, 4] - p[i, 1], p[i, 5] - p[i, 2]
     flat2 = ax * ax + ay * ay

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.array_types import Array1D, Array2D
-from sitl.compilation import kernel, kernel_for_any_types
+from sitl.compilation import kernel, kernel_part
 from sitl.world.raycast import slab
 from sitl.world.tables import F64, INF, WireTable
 
@@ -32,13 +32,13 @@ _STEEPEST = 1e-3  # least square of the sine between wire and beam: a wire end o
 _PER_FWHM = 1.0 / 2.3548200450309493
 
 
-@kernel_for_any_types
+@kernel_part
 def _normal(x: float) -> float:
     """Return the cumulative distribution of the standard normal."""
     return 0.5 * math.erfc(-x * 0.7071067811865476)
 
 
-@kernel_for_any_types
+@kernel_part
 def covered(
     h: float, s0: float, s1: float, radius: float, nx: float, ny: float, sigma_x: float, sigma_y: float
 ) -> float:
@@ -60,7 +60,7 @@ def covered(
     return share * (_normal((s1 - centre) / along) - _normal((s0 - centre) / along))
 
 
-@kernel_for_any_types
+@kernel_part
 def _piece(
     rows: F64,
     i: int,
@@ -111,7 +111,7 @@ def _piece(
     return t - radius, share, share * rows[i, 7] * 0.25 * math.pi * math.sqrt(sine2)
 
 
-@kernel_for_any_types
+@kernel_part
 def _add(
     n: int,
     t: float,
@@ -149,6 +149,7 @@ def cast_wires(
     ends: Array1D[np.float64],
     limit: float,
     beam: Array1D[np.float64],
+    strongest: Array1D[np.float64],
     out_range: Array2D[np.float64],
     out_share: Array2D[np.float64],
     out_bright: Array2D[np.float64],
@@ -164,6 +165,8 @@ def cast_wires(
         (n,) range of the opaque surface, NaN for none.
     beam
         Widths at the sensor, level and upward (m), and their growth (rad); full, at half maximum.
+    strongest
+        (`SLOTS`,) room for the brightest piece of each echo of a beam.
     out_range, out_share, out_bright, out_index
         (n, `SLOTS`) of the echoes, shares 0 for none: written only where there is one. The index is that of
         the brightest piece.
@@ -171,7 +174,6 @@ def cast_wires(
     rows, index, meta, low, top, start, item = wires
     cell, x0, y0 = meta[0], meta[1], meta[2]
     n_y, n_x = low.shape
-    strongest = np.empty(SLOTS)
     for n in range(origins.shape[0]):
         ox, oy, oz = origins[n, 0], origins[n, 1], origins[n, 2]
         dx, dy, dz = directions[n, 0], directions[n, 1], directions[n, 2]

@@ -83,7 +83,7 @@ class Wires:
             ends, limit = np.ascontiguousarray(ends_m, np.float64), float(limit_m)
             widths = np.array([*beam.exit_m, *beam.divergence_rad])
             found = (range_m, share, bright, index)
-            cast_wires(self._table, rays[0], rays[1], rays[2], ends, limit, widths, *found)
+            cast_wires(self._table, rays[0], rays[1], rays[2], ends, limit, widths, np.empty(SLOTS), *found)
             met = np.flatnonzero(share[:, 0])
             bright[met] *= _left_by_nearer(range_m[met], share[met])
         return WireEchoes(range_m, share, bright, index)
