@@ -38,7 +38,7 @@ from sitl.sensors.optics import (
 )
 from sitl.sensors.return_hits import Hits
 from sitl.sensors.sensor_clock import Clock
-from sitl.world.beam_edges import EdgeEchoes, edge_echoes
+from sitl.world.beam_edges import edge_echoes
 from sitl.world.hits import NOTHING
 from sitl.world.primitives import REFLECTANCE
 from sitl.world.wires import Beam, WireEchoes
@@ -338,22 +338,12 @@ class PulseLidar(ABC):
             by_power = None if wires is None else wires.share[own, 0] > 0.0
             found.append(Several(at, met, labels, by_power))
         if self.noise.divided and traced.size:
-            edges = self._edges(c, index[traced], rays, ups, time_s[traced], world)
-            alone = edges.divided if own is None else edges.divided & ~own
-            k = alone[edges.divided]
-            if k.any():
-                met = BeamEchoes(edges.range_m[k], edges.bright[k])
-                found.append(Several(traced[alone], met, edges.hit[k], np.ones(int(k.sum()), np.bool_)))
+            beams, of_ray = (rays.origin, rays.direction, ups), (index[traced], own, self.beam)
+            edges = edge_echoes(world, c, beams, *of_ray, self.reach.most_m, time_s[traced])
+            if edges.at.size:
+                met = BeamEchoes(edges.range_m, edges.bright)
+                found.append(Several(traced[edges.at], met, edges.hit, np.ones(edges.at.size, np.bool_)))
         return found
-
-    def _edges(self, c: Crossings, index: I64, rays: Rays, ups: F64, time_s: F64, world: World) -> EdgeEchoes:
-        """Return the echoes of beams that an edge divides."""
-
-        def cast(own: I64, directions: F64) -> Crossings:
-            leafless = np.zeros((own.size, 0))
-            return self._cast(Rays(rays.origin[own], directions, None), leafless, time_s[own], world)
-
-        return edge_echoes(c, index, rays.direction, ups, self.beam, self.reach.most_m, cast)
 
     def _in_air(self, shots: Shots, rays: Rays, time_s: F64) -> Shots:
         """Return the shots with the returns of particles in the air, of the pulses that are traced."""

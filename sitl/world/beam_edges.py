@@ -8,7 +8,6 @@ of their ranges is twice that of the middle.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,8 +16,10 @@ from numpy.typing import NDArray
 from sitl.array_types import Array1D, Array2D
 from sitl.compilation import kernel
 from sitl.world.primitives import REFLECTANCE
-from sitl.world.wires import Beam
-from sitl.world.world import Crossings
+from sitl.world.raycast import first_hit, surface_hit
+from sitl.world.tables import OpaqueTable
+from sitl.world.wires import THIN_M, Beam
+from sitl.world.world import Crossings, World
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -29,123 +30,134 @@ MIDDLE_SHARE = 0.25
 RING_SHARE = (1.0 - MIDDLE_SHARE) / RING
 RING_SIGMAS = float(np.sqrt(2.0 / (1.0 - MIDDLE_SHARE)))
 """Radius of the ring in standard deviations of the beam."""
+SHARES: F64 = np.array([MIDDLE_SHARE, *[RING_SHARE] * RING])
+TURNS = (0, RING // 2, *(turn for turn in range(RING) if turn % (RING // 2)))
+"""Places round the ring, from that of the first ray that looks for an edge, in the order of the rays."""
+_ANGLES = [2.0 * math.pi / RING * turn for turn in range(RING + RING // 2)]
+COSINE, SINE = np.array([math.cos(a) for a in _ANGLES]), np.array([math.sin(a) for a in _ANGLES])
 SIGMA_PER_WIDTH = float(1.0 / np.sqrt(8.0 * np.log(2.0)))
 EDGE_M = 0.05
 """Departure from a plane that counts as an edge."""
-
-Cast = Callable[[I64, F64], Crossings]
-"""Cast rays from the origins of some beams (n,), in directions (n, 3)."""
 
 
 @dataclass(frozen=True, slots=True)
 class EdgeEchoes:
     """Echoes of beams that an edge divides.
 
-    divided: (n,) mask of all beams. range_m, bright: (k, 1 + `RING`) of those, range NaN for none. hit: codes
-    of ``hits``.
+    at: (k,) of all beams. range_m, bright: (k, 1 + `RING`), range NaN for none. hit: codes of ``hits``.
     """
 
-    divided: Flags
+    at: I64
     range_m: F64
     bright: F64
     hit: I64
 
 
 def edge_echoes(
-    middle: Crossings, index: I64, directions: F64, ups: F64, beam: Beam, limit_m: float, cast: Cast
+    world: World,
+    middle: Crossings,
+    rays: tuple[F64, F64, F64],
+    index: I64,
+    known: Flags | None,
+    beam: Beam,
+    limit_m: float,
+    time_s: F64,
 ) -> EdgeEchoes:
     """Return the echoes of the beams with an edge inside.
 
     Parameters
     ----------
-    middle
-        What the rays in the middle meet.
+    world, middle
+        The world, and what the rays in the middle meet.
+    rays
+        (n, 3) origins, unit directions and the sensor's up, ENU.
     index
         (n,) number of each pulse; the pair of rays that looks for an edge follows from it.
-    directions, ups
-        (n, 3) unit directions, and the sensor's up, ENU.
+    known
+        (n,) mask of beams that are left out, None for none.
     beam
         Widths of the beam.
     limit_m
-        Range at which the width of a beam counts that meets nothing in the middle.
-    cast
-        Casts more rays.
+        Greatest range; also that at which the width of a beam counts that meets nothing in the middle.
+    time_s
+        (n,) times of the beams.
     """
-    n, half = len(directions), RING // 2
+    n = len(index)
+    origins, directions, ups = (np.ascontiguousarray(values) for values in rays)
+    skipped = np.zeros(n, np.bool_) if known is None else known
     widths = np.array([*beam.exit_m, *beam.divergence_rad])
-    rays = _Rays(directions, ups, middle.range_m, index)
-    pair = cast(np.tile(np.arange(n), 2), rays.ring((0, half), widths, limit_m))
-    divided = _is_edge(middle.range_m, pair.range_m[:n], pair.range_m[n:])
-    k = np.flatnonzero(divided)
-    some = _Rays(directions[k], ups[k], middle.range_m[k], index[k])
-    others = [turn for turn in range(RING) if turn % half]
-    rest = cast(np.tile(k, len(others)), some.ring(others, widths, limit_m))
-    every = np.arange(k.size)
-    parts = [middle.of(k), pair.of(k), pair.of(n + k)]
-    parts += [rest.of(every + place * k.size) for place in range(len(others))]
-    shares = np.array([MIDDLE_SHARE, *[RING_SHARE] * RING])
-    bright = np.column_stack([REFLECTANCE[part.kind] * part.cosine for part in parts])
-    return EdgeEchoes(
-        divided,
-        np.column_stack([part.range_m for part in parts]),
-        shares * bright,
-        np.column_stack([part.hit for part in parts]),
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class _Rays:
-    """Rays in the middle of beams; see `edge_echoes`."""
-
-    directions: F64
-    ups: F64
-    range_m: F64
-    index: I64
-
-    def ring(self, turns: Sequence[int], widths: F64, limit_m: float) -> F64:
-        """Return the rays some places round the ring from the one that looks for an edge, turn by turn."""
-        out = np.empty((len(turns), len(self.index), 3))
-        directions, ups = np.ascontiguousarray(self.directions), np.ascontiguousarray(self.ups)
-        for place, turn in enumerate(turns):
-            ring_directions(directions, ups, self.range_m, self.index, turn, widths, limit_m, out[place])
-        return out.reshape(-1, 3)
+    at, range_m, cosine = np.empty(n, np.int64), np.empty((n, 1 + RING)), np.empty((n, 1 + RING))
+    kind, hit = np.empty((n, 1 + RING), np.uint8), np.empty((n, 1 + RING), np.int64)
+    found = at, range_m, kind, cosine, hit
+    count = 0
+    for cut, tables in world.opaque(time_s, n):
+        beams = origins, directions, ups, middle.range_m, index, skipped
+        count = cast_edges(tables, *beams, cut.start or 0, cut.stop, widths, limit_m, THIN_M, count, *found)
+    at, range_m, kind, cosine, hit = at[:count], range_m[:count], kind[:count], cosine[:count], hit[:count]
+    range_m[:, 0], kind[:, 0] = middle.range_m[at], middle.kind[at]
+    cosine[:, 0], hit[:, 0] = middle.cosine[at], middle.hit[at]
+    return EdgeEchoes(at, range_m, SHARES * (REFLECTANCE[kind] * cosine), hit)
 
 
 @kernel
-def ring_directions(
+def cast_edges(
+    tables: OpaqueTable,
+    origins: Array2D[np.float64],
     directions: Array2D[np.float64],
     ups: Array2D[np.float64],
-    range_m: Array1D[np.float64],
+    middle_m: Array1D[np.float64],
     index: Array1D[np.int64],
-    turn: int,
+    skipped: Array1D[np.bool_],
+    begin: int,
+    end: int,
     widths: Array1D[np.float64],
     limit_m: float,
-    out: Array2D[np.float64],
-) -> None:
-    """Write unit directions of rays of the ring.
+    thin_m: float,
+    count: int,
+    out_at: Array1D[np.int64],
+    out_range: Array2D[np.float64],
+    out_kind: Array2D[np.uint8],
+    out_cosine: Array2D[np.float64],
+    out_hit: Array2D[np.int64],
+) -> int:
+    """Look for edges in the beams from `begin` to `end`, and write what the ring of divided ones meets.
 
-    `widths` are those of ``Beam``: level and upward at the exit, then per range.
+    `widths` are those of ``Beam``: level and upward at the exit, then per range. Rows are written from
+    `count` on; the number of all is returned. The middle's column stays open.
     """
-    for n in range(directions.shape[0]):
+    for n in range(begin, end):
+        if skipped[n]:
+            continue
+        ox, oy, oz = origins[n, 0], origins[n, 1], origins[n, 2]
         dx, dy, dz = directions[n, 0], directions[n, 1], directions[n, 2]
         lx = dy * ups[n, 2] - dz * ups[n, 1]
         ly = dz * ups[n, 0] - dx * ups[n, 2]
         lz = dx * ups[n, 1] - dy * ups[n, 0]
         length = max(math.sqrt(lx * lx + ly * ly + lz * lz), 1e-9)
         lx, ly, lz = lx / length, ly / length, lz / length
-        at_m = max(range_m[n], 0.1) if math.isfinite(range_m[n]) else limit_m
-        angle = 2.0 * math.pi / RING * (index[n] % (RING // 2) + turn)
-        aside = RING_SIGMAS * SIGMA_PER_WIDTH * (widths[0] / at_m + widths[2]) * math.cos(angle)
-        up = RING_SIGMAS * SIGMA_PER_WIDTH * (widths[1] / at_m + widths[3]) * math.sin(angle)
-        x = dx + aside * lx + up * (ly * dz - lz * dy)
-        y = dy + aside * ly + up * (lz * dx - lx * dz)
-        z = dz + aside * lz + up * (lx * dy - ly * dx)
-        length = math.sqrt(x * x + y * y + z * z)
-        out[n, 0], out[n, 1], out[n, 2] = x / length, y / length, z / length
-
-
-def _is_edge(middle_m: F64, one_m: F64, other_m: F64) -> Flags:
-    with np.errstate(invalid="ignore"):
-        bent = np.abs(one_m + other_m - 2.0 * middle_m) > EDGE_M
-    missing = np.isnan(middle_m).astype(np.int64) + np.isnan(one_m) + np.isnan(other_m)
-    return np.asarray(bent | ((missing > 0) & (missing < 3)))
+        at_m = max(middle_m[n], 0.1) if math.isfinite(middle_m[n]) else limit_m
+        level = RING_SIGMAS * SIGMA_PER_WIDTH * (widths[0] / at_m + widths[2])
+        upward = RING_SIGMAS * SIGMA_PER_WIDTH * (widths[1] / at_m + widths[3])
+        missing = 1 if math.isnan(middle_m[n]) else 0
+        for place in range(RING):
+            turn = index[n] % (RING // 2) + TURNS[place]
+            aside, up = level * COSINE[turn], upward * SINE[turn]
+            x = dx + aside * lx + up * (ly * dz - lz * dy)
+            y = dy + aside * ly + up * (lz * dx - lx * dz)
+            z = dz + aside * lz + up * (lx * dy - ly * dx)
+            length = math.sqrt(x * x + y * y + z * z)
+            x, y, z = x / length, y / length, z / length
+            t, what, which = first_hit(tables, ox, oy, oz, x, y, z, limit_m, thin_m)
+            kind, cosine, hit = surface_hit(tables, what, which, t, ox, oy, oz, x, y, z)
+            out_range[count, 1 + place], out_kind[count, 1 + place] = t, kind
+            out_cosine[count, 1 + place], out_hit[count, 1 + place] = cosine, hit
+            if place < 2:
+                missing += 1 if math.isnan(t) else 0
+            if place == 1:
+                bent = abs(out_range[count, 1] + t - 2.0 * middle_m[n]) > EDGE_M
+                if not (bent or 0 < missing < 3):
+                    break
+        else:
+            out_at[count] = n
+            count += 1
+    return count

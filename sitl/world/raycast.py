@@ -17,7 +17,7 @@ import numpy as np
 from sitl.array_types import Array1D, Array2D
 from sitl.compilation import kernel, kernel_part
 from sitl.world.hits import GROUND, MOVERS, NOTHING
-from sitl.world.tables import F64, INF, GridTable, GroundTable, MoverTable, SolidTable
+from sitl.world.tables import F64, INF, GroundTable, MoverTable, OpaqueTable
 
 
 @kernel_part
@@ -262,11 +262,8 @@ def _movers_hit(
 
 
 @kernel_part
-def _cast_one(
-    ground: GroundTable,
-    solids: SolidTable,
-    grid: GridTable,
-    movers: MoverTable,
+def first_hit(
+    tables: OpaqueTable,
     ox: float,
     oy: float,
     oz: float,
@@ -276,9 +273,15 @@ def _cast_one(
     limit: float,
     thin_m: float,
 ) -> tuple[float, int, int]:
-    """Return (t, what, index): what is 0 nothing, 1 ground, 2 solid, 3 mover."""
+    """Return (t, what, index): what is 0 nothing, 1 ground, 2 solid, 3 mover; t is NaN for nothing.
+
+    Wires of a radius up to `thin_m` are passed over; a negative one passes over none.
+    """
+    ground, solids, grid, movers = tables
     meta, ground_top, any_top, start, item = grid
     shapes, rows, _ = solids
+    if not math.isfinite(ox + oy + oz + dx + dy + dz):
+        return math.nan, 0, 0
     cell, x0, y0 = meta[0], ground[2][0], ground[2][1]
     best, index = _movers_hit(movers, ox, oy, oz, dx, dy, dz, limit)
     what = 3 if index >= 0 else 0
@@ -288,7 +291,7 @@ def _cast_one(
     a, b = slab(oy, dy, y0, y0 + (ground[0].shape[0] - 1) * ground[2][2])
     t, t_end = max(0.0, t, a), min(best, t_end, b)
     if t > t_end:
-        return best, what, index
+        return best if what else math.nan, what, index
     n_y, n_x = any_top.shape
     ix = min(max(math.floor((ox + t * dx - x0) / cell), 0), n_x - 1)
     iy = min(max(math.floor((oy + t * dy - y0) / cell), 0), n_y - 1)
@@ -314,7 +317,7 @@ def _cast_one(
                 if hit < best:
                     best, what, index = hit, 2, s
         if best <= leave or leave >= t_end:
-            return best, what, index
+            return best if what else math.nan, what, index
         t = max(t, leave)
         if next_x <= next_y:
             ix += 1 if dx > 0 else -1
@@ -323,15 +326,44 @@ def _cast_one(
             iy += 1 if dy > 0 else -1
             next_y += cell / abs(dy)
         if ix < 0 or iy < 0 or ix >= n_x or iy >= n_y:
-            return best, what, index
+            return best if what else math.nan, what, index
+
+
+@kernel_part
+def surface_hit(
+    tables: OpaqueTable,
+    what: int,
+    index: int,
+    t: float,
+    ox: float,
+    oy: float,
+    oz: float,
+    dx: float,
+    dy: float,
+    dz: float,
+) -> tuple[int, float, int]:
+    """Return material, cosine of the angle of incidence and the code of ``hits`` of a `first_hit`."""
+    ground, solids, _, movers = tables
+    if what == 0:
+        return 0, 0.0, NOTHING
+    x, y, z = ox + t * dx, oy + t * dy, oz + t * dz
+    if what == 1:
+        j, i, _, _ = ground_square(ground, x, y)
+        kind, hit = ground[1][j, i], GROUND
+        nx, ny, nz = ground_normal(ground, x, y)
+    elif what == 2:
+        kind, hit = solids[2][index], index
+        nx, ny, nz = solid_normal(solids[0][index], solids[1], index, x, y, z)
+    else:
+        kind, hit = movers[2][index], MOVERS + index
+        nx, ny, nz = solid_normal(movers[0][index], movers[1], index, x, y, z)
+    length = math.sqrt(nx * nx + ny * ny + nz * nz)
+    return kind, abs(nx * dx + ny * dy + nz * dz) / length if length > 0.0 else 0.0, hit
 
 
 @kernel
 def cast_rays(
-    ground: GroundTable,
-    solids: SolidTable,
-    grid: GridTable,
-    movers: MoverTable,
+    tables: OpaqueTable,
     origins: Array2D[np.float64],
     directions: Array2D[np.float64],
     limit: float,
@@ -343,30 +375,11 @@ def cast_rays(
 ) -> None:
     """Cast every ray; write range (NaN for none), material, cosine of the angle of incidence and ``hits``.
 
-    Wires of a radius up to `thin_m` are passed over; a negative one passes over none.
+    `thin_m` as in `first_hit`.
     """
     for n in range(origins.shape[0]):
         ox, oy, oz = origins[n, 0], origins[n, 1], origins[n, 2]
         dx, dy, dz = directions[n, 0], directions[n, 1], directions[n, 2]
-        out_range[n], out_kind[n], out_cosine[n], out_hit[n] = math.nan, 0, 0.0, NOTHING
-        if not math.isfinite(ox + oy + oz + dx + dy + dz):
-            continue
-        t, what, index = _cast_one(ground, solids, grid, movers, ox, oy, oz, dx, dy, dz, limit, thin_m)
-        if what == 0:
-            continue
-        x, y, z = ox + t * dx, oy + t * dy, oz + t * dz
-        if what == 1:
-            j, i, _, _ = ground_square(ground, x, y)
-            kind, out_hit[n] = ground[1][j, i], GROUND
-            nx, ny, nz = ground_normal(ground, x, y)
-        elif what == 2:
-            kind, out_hit[n] = solids[2][index], index
-            nx, ny, nz = solid_normal(solids[0][index], solids[1], index, x, y, z)
-        else:
-            kind, out_hit[n] = movers[2][index], MOVERS + index
-            nx, ny, nz = solid_normal(movers[0][index], movers[1], index, x, y, z)
-        out_kind[n] = kind
+        t, what, index = first_hit(tables, ox, oy, oz, dx, dy, dz, limit, thin_m)
         out_range[n] = t
-        length = math.sqrt(nx * nx + ny * ny + nz * nz)
-        if length > 0.0:
-            out_cosine[n] = abs(nx * dx + ny * dy + nz * dz) / length
+        out_kind[n], out_cosine[n], out_hit[n] = surface_hit(tables, what, index, t, ox, oy, oz, dx, dy, dz)

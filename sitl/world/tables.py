@@ -23,6 +23,8 @@ GridTable = tuple[
 """([cell_m, z_floor, z_top], ground top (cy, cx), any top (cy, cx), start (cells + 1,), item (k,))."""
 MoverTable = tuple[Array1D[np.uint8], Array2D[np.float64], Array1D[np.uint8], Array2D[np.float64]]
 """SolidTable of moving solids, and their bounding spheres (n, 4)."""
+OpaqueTable = tuple[GroundTable, SolidTable, GridTable, MoverTable]
+"""All that stops a ray."""
 WireTable = tuple[
     Array2D[np.float64],
     Array1D[np.int64],

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
@@ -16,7 +17,7 @@ from sitl.world.plant_motion import QUANTUM_S, Sway, Wash, swept
 from sitl.world.primitives import ROW_LENGTH, Box, Ellipsoid, Ground, Kind, Solid
 from sitl.world.raycast import cast_rays
 from sitl.world.surface_layers import SurfaceLayers
-from sitl.world.tables import GridTable, GroundTable, LayerTable, MoverTable, SolidTable
+from sitl.world.tables import GridTable, GroundTable, LayerTable, MoverTable, OpaqueTable, SolidTable
 from sitl.world.topview import top_surface
 from sitl.world.water_waves import WaterState
 from sitl.world.wires import THIN_M, Wires
@@ -27,7 +28,6 @@ I64 = NDArray[np.int64]
 
 _MARGIN_M = 1e-6
 Part = Box | Ellipsoid
-_Found = tuple[F64, U8, F64, I64]
 PUDDLE_M = 0.05
 """Standing water up to this depth is a puddle, which a vehicle can stand in."""
 
@@ -344,11 +344,9 @@ class World:
         range_m, cosine, kind = np.empty(count), np.empty(count), np.empty(count, dtype=np.uint8)
         hit, thin_m = np.empty(count, np.int64), -1.0 if thin_wires else THIN_M
         rays, limit = (origins, directions), float(max_range_m)
-        found = (range_m, kind, cosine, hit)
-        if time_s is None or not self._crowns:
-            self._cast(self._solid_table, rays, limit, thin_m, found)
-        else:
-            self._cast_swaying(time_s, rays, limit, thin_m, found)
+        for cut, tables in self.opaque(time_s, count):
+            found = range_m[cut], kind[cut], cosine[cut], hit[cut]
+            cast_rays(tables, origins[cut], directions[cut], limit, thin_m, *found)
         water_m, depth_m = np.full(count, np.nan), np.zeros(count)
         bottom, plant = np.zeros(count, np.uint8), np.zeros(count, np.uint8)
         leaf_m = np.full(leaf_depths.shape, np.nan)
@@ -362,25 +360,20 @@ class World:
         water_m[opaque], depth_m[opaque] = range_m[opaque], np.inf
         return Crossings(range_m, kind, cosine, water_m, depth_m, bottom, leaf_m, plant, hit)
 
-    def _cast(
-        self, solids: SolidTable, rays: tuple[F64, F64], limit: float, thin_m: float, found: _Found
-    ) -> None:
-        tables = (self._ground_table, solids, self._grid_table, self._mover_table)
-        cast_rays(*tables, *rays, limit, thin_m, found[0], found[1], found[2], found[3])
+    def opaque(self, time_s: F64 | None, count: int) -> Iterator[tuple[slice, OpaqueTable]]:
+        """Yield stretches of `count` beams, and the tables of all that stops them in that time.
 
-    def _cast_swaying(
-        self, time_s: F64, rays: tuple[F64, F64], limit: float, thin_m: float, found: _Found
-    ) -> None:
-        """Cast beams of one quantum of time after the other at the crowns' places."""
+        `time_s` are their times, (n,), which let crowns sway; None for all that these sweep.
+        """
+        ground, grid, movers = self._ground_table, self._grid_table, self._mover_table
+        if time_s is None or not self._crowns:
+            yield slice(count), (ground, self._solid_table, grid, movers)
+            return
         steps = np.floor(time_s / QUANTUM_S)
-        for step in np.unique(steps):
-            own = steps == step
-            part = (np.ascontiguousarray(rays[0][own]), np.ascontiguousarray(rays[1][own]))
-            range_m, kind, cosine, hit = found[0][own], found[1][own], found[2][own], found[3][own]
-            self._cast(
-                self._swayed((step + 0.5) * QUANTUM_S), part, limit, thin_m, (range_m, kind, cosine, hit)
-            )
-            found[0][own], found[1][own], found[2][own], found[3][own] = range_m, kind, cosine, hit
+        ends = [0, *(np.flatnonzero(np.diff(steps)) + 1).tolist(), count]
+        for begin, end in pairwise(ends) if count else ():
+            solids = self._swayed((steps[begin] + 0.5) * QUANTUM_S)
+            yield slice(begin, end), (ground, solids, grid, movers)
 
     def _swayed(self, time_s: float) -> SolidTable:
         shape, rows, kind = self._solid_table
