@@ -9,9 +9,13 @@ around.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+
+from sitl.array_types import Array2D
+from sitl.compilation import kernel
 
 F64 = NDArray[np.float64]
 
@@ -51,39 +55,50 @@ class Mount:
 
     def rotation_frd_from_sensor(self) -> F64:
         """Return the (3, 3) rotation from sensor vectors to body FRD vectors."""
-        (cr, sr), (cp, sp), (cy, sy) = (
-            (np.cos(a), np.sin(a)) for a in np.radians([self.roll_deg, self.pitch_deg, self.yaw_deg])
-        )
-        rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
-        ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
-        rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
-        rotation: F64 = FRD_FROM_FLU @ rz @ ry @ rx
-        return rotation
+        return _rotation(self.roll_deg, self.pitch_deg, self.yaw_deg)
 
     def to_enu(self, vectors_sensor: F64, quat_wxyz: F64) -> F64:
         """Rotate sensor vectors (n, 3) into ENU with one attitude each, (n, 4) body FRD -> NED."""
-        body = vectors_sensor @ self.rotation_frd_from_sensor().T
-        return _ned_to_enu(_rotate(quat_wxyz, body))
+        return _to_enu(quat_wxyz, vectors_sensor @ self.rotation_frd_from_sensor().T)
+
+    def up_enu(self, quat_wxyz: F64) -> F64:
+        """Return the sensor's z axis in ENU for each attitude, (n, 3)."""
+        z_twice = np.array([[0.0, 0.0, 1.0]] * 2) @ self.rotation_frd_from_sensor().T
+        return _to_enu(quat_wxyz, z_twice[:1])
 
     def lever_enu_m(self, quat_wxyz: F64) -> F64:
         """Return the lever arm in ENU for each attitude, (n, 3)."""
-        lever = np.broadcast_to(np.array(self.lever_frd_m), (len(quat_wxyz), 3))
-        return _ned_to_enu(_rotate(quat_wxyz, lever))
+        return _to_enu(quat_wxyz, np.array([self.lever_frd_m]))
 
 
-def _ned_to_enu(vectors: F64) -> F64:
-    turned = vectors[:, [1, 0, 2]]
-    turned[:, 2] *= -1.0
-    return turned
+@lru_cache(maxsize=64)
+def _rotation(roll_deg: float, pitch_deg: float, yaw_deg: float) -> F64:
+    (cr, sr), (cp, sp), (cy, sy) = (
+        (np.cos(a), np.sin(a)) for a in np.radians([roll_deg, pitch_deg, yaw_deg])
+    )
+    rx = np.array([[1, 0, 0], [0, cr, -sr], [0, sr, cr]])
+    ry = np.array([[cp, 0, sp], [0, 1, 0], [-sp, 0, cp]])
+    rz = np.array([[cy, -sy, 0], [sy, cy, 0], [0, 0, 1]])
+    rotation: F64 = FRD_FROM_FLU @ rz @ ry @ rx
+    rotation.setflags(write=False)
+    return rotation
 
 
-def _rotate(quat_wxyz: F64, vectors: F64) -> F64:
-    """Rotate vectors with unit quaternions: v + 2w (q x v) + 2 q x (q x v)."""
-    w, x, y, z = quat_wxyz.T
-    vx, vy, vz = vectors.T
-    tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
-    turned = np.empty((len(quat_wxyz), 3))
-    turned[:, 0] = vx + w * tx + y * tz - z * ty
-    turned[:, 1] = vy + w * ty + z * tx - x * tz
-    turned[:, 2] = vz + w * tz + x * ty - y * tx
-    return turned
+def _to_enu(quat_wxyz: F64, body: F64) -> F64:
+    """Rotate vectors in body axes, one for each attitude or one for all, into ENU."""
+    out = np.empty((len(quat_wxyz), 3))
+    rotate_to_enu(np.ascontiguousarray(quat_wxyz), body, out)
+    return out
+
+
+@kernel
+def rotate_to_enu(quats: Array2D[np.float64], body: Array2D[np.float64], out: Array2D[np.float64]) -> None:
+    """Rotate FRD vectors, (n, 3) or (1, 3), with unit quaternions: v + 2w (q x v) + 2 q x (q x v)."""
+    each = 0 if body.shape[0] == 1 else 1
+    for n in range(quats.shape[0]):
+        w, x, y, z = quats[n, 0], quats[n, 1], quats[n, 2], quats[n, 3]
+        vx, vy, vz = body[each * n, 0], body[each * n, 1], body[each * n, 2]
+        tx, ty, tz = 2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)
+        out[n, 1] = vx + w * tx + y * tz - z * ty
+        out[n, 0] = vy + w * ty + z * tx - x * tz
+        out[n, 2] = -(vz + w * tz + x * ty - y * tx)

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sitl.array_types import Array2D
+from sitl.compilation import kernel
 from sitl.sensors.particles import Particles
 
 F64 = NDArray[np.float64]
@@ -138,17 +141,29 @@ def false_returns(measured: F64, seen: Flags, bright: F64, uniform: F64, noise: 
 
 
 def tilt(unit: F64, normal: F64, sigma_deg: float) -> F64:
-    """Tilt unit vectors at random; sigma is that of the whole angle, shared by two axes."""
+    """Tilt unit vectors (n, 3) at random; sigma is that of the whole angle, shared by two axes.
+
+    The first two columns of `normal`, (n, 4) standard normal numbers, are used.
+    """
     if sigma_deg == 0.0:
         return unit
-    x, y, z = unit.T
-    flat = np.sqrt(x * x + y * y)
-    across_x, across_y = -y / flat, x / flat  # up x unit
-    scale = np.radians(sigma_deg) / np.sqrt(2.0)
-    aside, up = scale * normal.T
-    tilted = np.empty_like(unit)
-    tilted[:, 0] = x + aside * across_x - up * z * across_y
-    tilted[:, 1] = y + aside * across_y + up * z * across_x
-    tilted[:, 2] = z + up * flat
-    tilted /= np.sqrt(np.einsum("ij,ij->i", tilted, tilted))[:, np.newaxis]
-    return tilted
+    out = np.empty_like(unit)
+    tilt_at_random(unit, normal, float(np.radians(sigma_deg) / np.sqrt(2.0)), out)
+    return out
+
+
+@kernel
+def tilt_at_random(
+    unit: Array2D[np.float64], normal: Array2D[np.float64], sigma_rad: float, out: Array2D[np.float64]
+) -> None:
+    """Write unit vectors tilted by sigma about each of two axes."""
+    for n in range(unit.shape[0]):
+        x, y, z = unit[n, 0], unit[n, 1], unit[n, 2]
+        flat = math.sqrt(x * x + y * y)
+        across_x, across_y = -y / flat, x / flat  # up x unit
+        aside, up = sigma_rad * normal[n, 0], sigma_rad * normal[n, 1]
+        tx = x + aside * across_x - up * z * across_y
+        ty = y + aside * across_y + up * z * across_x
+        tz = z + up * flat
+        length = math.sqrt((tx * tx + tz * tz) + ty * ty)
+        out[n, 0], out[n, 1], out[n, 2] = tx / length, ty / length, tz / length

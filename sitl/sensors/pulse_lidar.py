@@ -318,7 +318,7 @@ class PulseLidar(ABC):
     ) -> list[Several]:
         """Return the pulses with several echoes: those that layers or wires divide, then edges."""
         traced = np.arange(index.size) if rays.traced is None else np.flatnonzero(rays.traced)
-        ups = self.mount.to_enu(np.tile([0.0, 0.0, 1.0], (traced.size, 1)), attitude[traced])
+        ups = self.mount.up_enu(attitude[traced])
         own, wires = self._widened(c, rays, ups, world)
         found = []
         if own is not None:
@@ -362,7 +362,7 @@ class PulseLidar(ABC):
         if traced is not None:
             index, nominal, normal = index[traced], nominal[traced], normal[traced]
             position, attitude = position[traced], attitude[traced]
-        fired = tilt(nominal, normal[:, :2], self.noise.angle_sigma_deg)
+        fired = tilt(nominal, normal, self.noise.angle_sigma_deg)
         origin = position + self.mount.lever_enu_m(attitude)
         offset = self.origins_m(index)
         if offset is not None:

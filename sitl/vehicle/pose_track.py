@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from sitl.array_types import Array1D, Array2D
+from sitl.compilation import kernel
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -43,13 +47,12 @@ class PoseTrack:
             del values[:-1]
 
     def at(self, stamps_ns: NDArray[np.int64]) -> tuple[F64, F64]:
-        """Return positions (n, 3) and quaternions (n, 4), interpolated between ticks."""
-        times = np.array(self.stamps, np.float64)
-        when = stamps_ns.astype(np.float64)
-        positions, quats = np.array(self.positions), self._one_sided()
-        position = np.column_stack([np.interp(when, times, positions[:, i]) for i in range(3)])
-        quat = np.column_stack([np.interp(when, times, quats[:, i]) for i in range(4)])
-        return position, quat / np.sqrt(np.einsum("ij,ij->i", quat, quat))[:, None]
+        """Return positions (n, 3) and quaternions (n, 4) at rising times, interpolated between ticks."""
+        when, position = stamps_ns.astype(np.float64), np.empty((len(stamps_ns), 3))
+        quat = np.empty((len(stamps_ns), 4))
+        track = np.array(self.stamps, np.float64), np.array(self.positions), self._one_sided()
+        interpolate_poses(*track, when, position, quat)
+        return position, quat
 
     def felt(self, stamps_ns: I64, place_frd_m: F64, gravity_ms2: float) -> tuple[F64, F64]:
         """Return angular rates (rad/s) and specific forces (m/s2), (n, 3) in body axes, at a place.
@@ -91,6 +94,33 @@ class PoseTrack:
         axis = np.divide(vector, sine, out=np.zeros_like(vector), where=sine > 1e-12)
         out: F64 = axis * angle / (np.diff(np.array(self.stamps, np.float64))[:, None] * 1e-9)
         return out
+
+
+@kernel
+def interpolate_poses(
+    times: Array1D[np.float64],
+    positions: Array2D[np.float64],
+    quats: Array2D[np.float64],
+    when: Array1D[np.float64],
+    out_position: Array2D[np.float64],
+    out_quat: Array2D[np.float64],
+) -> None:
+    """Write positions and unit quaternions at rising times; before and after the track those of its ends."""
+    last, k = times.size - 1, 0
+    for n in range(when.size):
+        while k < last and times[k + 1] <= when[n]:
+            k += 1
+        within = k < last and when[n] > times[k]
+        after = k + 1 if within else k
+        since, step = (when[n] - times[k], times[after] - times[k]) if within else (0.0, 1.0)
+        for i in range(3):
+            out_position[n, i] = (positions[after, i] - positions[k, i]) / step * since + positions[k, i]
+        for i in range(4):
+            out_quat[n, i] = (quats[after, i] - quats[k, i]) / step * since + quats[k, i]
+        w, x, y, z = out_quat[n, 0], out_quat[n, 1], out_quat[n, 2], out_quat[n, 3]
+        length = math.sqrt((w * w + y * y) + (x * x + z * z))
+        out_quat[n, 0], out_quat[n, 1] = w / length, x / length
+        out_quat[n, 2], out_quat[n, 3] = y / length, z / length
 
 
 def _into_body(quats: F64, ned: F64) -> F64:

@@ -86,7 +86,7 @@ class FlashLidar:
     def echoes(self, position_enu_m: F64, quat_wxyz: F64, world: World) -> tuple[F64, F64]:
         """Return times (ns) and heights (counts) of the echoes, (rows, cols, rays of a pixel)."""
         p, n = self.plane, self._subpixels**2
-        attitude = np.broadcast_to(quat_wxyz, (len(self._rays), 4))
+        attitude = np.tile(quat_wxyz, (len(self._rays), 1))
         origin = position_enu_m + self.mount.lever_enu_m(attitude[:1])
         origins = np.broadcast_to(origin, (len(self._rays), 3))
         way, kind, cosine = world.trace(origins, self.mount.to_enu(self._rays, attitude), FARTHEST_M)
