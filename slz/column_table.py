@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from typing import Any, Self
 
 import numpy as np
@@ -10,9 +9,9 @@ from numpy.typing import NDArray
 
 
 class ColumnTable:
-    """Base of dataclasses whose fields are arrays of one length."""
+    """Base of dataclasses with slots whose fields are arrays of one length."""
 
-    __slots__ = ()
+    __slots__: tuple[str, ...] = ()
 
     def some(self, which: NDArray[np.bool_] | NDArray[np.intp] | slice) -> Self:
         """Return some of the rows: those of a mask (n,), of indices in their order, or of a slice."""
@@ -24,4 +23,4 @@ class ColumnTable:
         return type(self)(*(np.concatenate(pair) for pair in pairs))
 
     def _columns(self) -> list[NDArray[Any]]:
-        return [getattr(self, field.name) for field in fields(self)]  # type: ignore[arg-type]
+        return [getattr(self, name) for name in self.__slots__]
