@@ -22,27 +22,31 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.points.clutter import HIGH, LONELY_M, NO_BAND, chances
+from slz.kernels.points.isolated_record import (
+    FATE,
+    FOUND,
+    GROUND,
+    ISOLATED_FIELDS,
+    LEVEL_GROUND,
+    SOLID_OBJECT,
+    UP,
+    WAS_FOUND,
+)
+from slz.kernels.points.isolated_returns import BINS, MOST, joined, judge, place
 from slz.kernels.points.voxel_density_filter import is_supported
-from slz.terrain.clutter_share import ClutterShare
-from slz.terrain.isolated_returns import IsolatedReturns
 from slz.terrain.tiles import Tiles
 
-FALSE_ALARM = np.array([0.005, 0.005, 0.0008])  # below ground, low, high
-AGREES_M = 0.15  # from the ground: belongs to it
-DISTANT_M = 0.3  # from the ground, up to which a distant return may belong to it
-SMALL_M, HAZARD_M, CONTRADICTING = 0.5, 0.3, 5
 LEAST_GROUND, GROUND_VOXEL_M = 2, 1.0  # returns in 3 x 3 voxels that begin ground where none is known
 UNKNOWN_PLACE = np.full(3, np.nan)  # of a sensor
-SOLID = 5  # returns within `LONELY_M`, level and upright, that are an object for good
-SMALLEST_M2, SURE = 0.005, 5  # what is no object: 5 pulses of one of 5 x 10 cm would have returned
 
 Points = NDArray[np.float64]
-Flags = NDArray[np.bool_]
 
 
 class ThinObjects:
     """Detector of thin objects.
+
+    Clutter is counted over the present and the previous epoch, each as long as returns are kept: memory and
+    time do not grow with the flight.
 
     Attributes
     ----------
@@ -54,9 +58,10 @@ class ThinObjects:
     def __init__(self) -> None:
         self.found_enu_m: Points = np.empty((0, 3))
         self.altered_enu_m: Points = np.empty((0, 3))
+        self._kept: Points = np.empty((0, ISOLATED_FIELDS))
         self._high_share = 0.0  # of the rays, at the heights of an upright object in the highest band
-        self._kept, self._n_added = IsolatedReturns.none(), 0
-        self._share = ClutterShare()
+        self._began_s, self._rays = 0.0, [0, 0]  # start of this epoch, and rays of it and the one before
+        self._given_up = np.zeros((2, BINS), np.int64)  # lonely returns kept no more, by height, likewise
 
     def update(
         self,
@@ -85,53 +90,21 @@ class ThinObjects:
             Horizontal distance up to which returns are precise enough to be ground.
         """
         now_s = tiles.latest_s
-        self._share.add_rays(n_returns, now_s, max_age_s)
-        before = self._kept.some(self._kept.found)
-        distant = np.hypot(*(isolated_enu_m - sensor_enu_m)[:, :2].T) > reach_m
-        new = IsolatedReturns.new(isolated_enu_m, now_s, float(sensor_enu_m[2]), self._n_added, distant)
-        self._n_added += len(new)
-        kept = self._kept.joined_with(new.some(new.within_limit()))
-        kept = kept.some(now_s - kept.born_s <= max_age_s)
-        over_m, held_m2 = tiles.ground_and_rays(kept.points_enu_m).T
-        kept.count_rays(held_m2)
-        apart = ~kept.distant | (np.abs(over_m) > DISTANT_M)  # False for a distant one over unknown ground
-        kept, over_m = kept.some(apart), over_m[apart]
-        on_ground = np.abs(over_m) <= AGREES_M
-        ground, kept, over_m = kept.points_enu_m[on_ground], kept.some(~on_ground), over_m[~on_ground]
-        kept.place(over_m, self._high_share)
-        placed = kept.bands != NO_BAND
-        others = kept.some(~placed)
-        level = _begins_ground(others.points_enu_m)
-        solid, kept = self._judged(kept.some(placed), over_m[placed])
-        found = kept.some(kept.found)
-        self.found_enu_m = found.points_enu_m
-        self.altered_enu_m = np.concatenate([before.not_in(found), found.not_in(before)])
-        self._kept = others.some(~level).joined_with(kept)
-        surface: Points = np.concatenate([ground, others.points_enu_m[level], solid])
+        if now_s - self._began_s > max_age_s:
+            self._began_s, self._rays = now_s, [0, self._rays[0]]
+            self._given_up = np.stack([np.zeros_like(self._given_up[0]), self._given_up[0]])
+        self._rays[0] += n_returns
+        kept = self._kept = joined(self._kept, isolated_enu_m[-MOST:], sensor_enu_m, reach_m, now_s)
+        points = kept[:, : UP + 1]
+        waiting = place(kept, tiles.ground_and_rays(points), now_s, max_age_s, self._high_share)
+        if len(waiting):  # without ground below, those that are level with another one are ground
+            level = is_supported(points[waiting], UNKNOWN_PLACE, GROUND_VOXEL_M, LEAST_GROUND, 0.0)
+            kept[waiting[level], FATE] = LEVEL_GROUND
+        high_shares = judge(kept, self._given_up, max(1, sum(self._rays)))
+        self._high_share = float(high_shares.mean()) if len(high_shares) else 0.0
+        fate, found, was_found = kept[:, [FATE, FOUND, WAS_FOUND]].T
+        self.found_enu_m, self.altered_enu_m = points[found > 0], points[found != was_found]
+        surface: Points = np.concatenate(
+            [points[fate == which] for which in (GROUND, LEVEL_GROUND, SOLID_OBJECT)]
+        )
         return surface
-
-    def _judged(self, kept: IsolatedReturns, over_m: Points) -> tuple[Points, IsolatedReturns]:
-        """Return the returns of solid objects, and those to keep with their verdicts."""
-        certain = self._chance(kept, over_m) < FALSE_ALARM[kept.bands]
-        small = (np.abs(over_m) < SMALL_M) & ~kept.distant & (kept.rays_m2 * HAZARD_M**2 < CONTRADICTING)
-        near_m = np.maximum(kept.upright_m, kept.level_m)[:, SOLID - 2]
-        solid = certain & (near_m <= LONELY_M)
-        kept.found = certain | small
-        contradicted = ~kept.found & (kept.rays_at_height_m2(over_m) * SMALLEST_M2 >= SURE)
-        stays = ~(contradicted | solid)
-        stays[stays] = kept.some(stays).within_limit()
-        self._share.add_given_up(over_m[~stays & ~solid & kept.lonely])
-        return kept.points_enu_m[solid], kept.some(stays)
-
-    def _chance(self, kept: IsolatedReturns, over_m: Points) -> Points:
-        """Return the probability that clutter alone puts the others so near to each return."""
-        upright, level = self._share.of(kept.bands, over_m, over_m[kept.lonely])
-        high = kept.bands == HIGH
-        self._high_share = float(upright[high].mean()) if high.any() else 0.0
-        rays_m2 = kept.rays_at_height_m2(over_m)
-        return chances(kept.upright_m, kept.level_m, ~high, rays_m2, upright, level)
-
-
-def _begins_ground(points_enu_m: Points) -> Flags:
-    """Return which returns without ground below them are level with another one, and so are ground."""
-    return is_supported(points_enu_m, UNKNOWN_PLACE, GROUND_VOXEL_M, LEAST_GROUND, 0.0)

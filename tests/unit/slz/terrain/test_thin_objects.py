@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 import params
 from slz import Pipeline, Window
 from slz.frame import LocalFrame
-from slz.terrain.isolated_returns import MOST, IsolatedReturns
+from slz.grid import Box
 from slz.terrain.terrain_maps import SAFE, UNSAFE
+from slz.terrain.thin_objects import ThinObjects
+from slz.terrain.tiles import Noise, Tiles
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 HALF_M = 9.0
@@ -128,13 +130,23 @@ def test_an_object_of_many_hits_outlives_the_limit_on_isolated_returns() -> None
     assert state_at(pipe, 2.05, 1.05) == UNSAFE
 
 
-@pytest.mark.parametrize(("found", "stays"), [(3, 3), (MOST + 5, MOST)])
-def test_beyond_the_limit_clutter_goes_first_and_then_the_oldest_object(found: int, stays: int) -> None:
-    old = IsolatedReturns.new(np.zeros((found, 3)), 1.0, 25.0, 0)
-    old.found[:] = True
-    kept = old.joined_with(IsolatedReturns.new(np.zeros((MOST, 3)), 2.0, 25.0, found))
-    kept = kept.some(kept.within_limit())
-    assert (len(kept), int(kept.found.sum())) == (MOST, stays)
+def test_an_object_outlives_the_ground_below_it() -> None:
+    """The tile below is given up for one elsewhere, and made again later."""
+    tiles, thin = Tiles(0.0, 0.0, 0.2, 0.0), ThinObjects()
+    everywhere, noise = Box(-(10**6), 10**6, -(10**6), 10**6), Noise(0.02, 0.0)
+
+    def update(points: Floats, isolated: Floats, now_s: float) -> int:
+        tiles.now_s(now_s)
+        tiles.add(points, SENSOR, noise, everywhere, now_s, 8.0)
+        thin.update(isolated, SENSOR, len(points), tiles, 300.0, 20.0)
+        return len(thin.found_enu_m)
+
+    none, elsewhere = np.empty((0, 3)), np.array([100.0, 0.0, 0.0])
+    assert update(ground(20.0), POLE, 1.0) == 2
+    for k in range(tiles.capacity):
+        assert update(ground(20.0) + (k + 1) * elsewhere, none, 2.0 + k) == 2
+    assert np.isnan(tiles.ground_and_rays(POLE)[:, 0]).all()
+    assert update(ground(20.0), none, 100.0) == 2
 
 
 # ---- returns beyond the mapping reach -------------------------------------------------------------

@@ -1,0 +1,121 @@
+"""Others near isolated returns."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from slz.kernels.argument_types import Array1D, Array2D
+from slz.kernels.jit import kernel, kernel_part
+from slz.kernels.points.isolated_record import (
+    BAND,
+    EAST,
+    HIGH,
+    LEVEL,
+    LONELY,
+    MOST_OTHERS,
+    NO_BAND,
+    NORTH,
+    UP,
+    UPRIGHT,
+)
+
+NEAREST_M = 0.04  # no two returns count as nearer than this: the noise of their places
+SQUARE_M, RINGS = 0.5, 8  # squares in which others are looked for, and how many to each side
+REACH_M = SQUARE_M * RINGS  # farthest other return that supports one
+LEVEL_M = 0.25  # greatest height difference of two returns of a level object, such as a wire
+UPRIGHT_M = 1.0  # greatest height difference of two returns of an upright object in the highest band
+LONELY_M, LONELY_LEVEL_M = 0.3, 0.6  # without another so near, at any height or level: clutter, for its share
+
+
+@kernel_part
+def _insert(records: Array2D[np.float64], i: int, first: int, distance_m: float) -> None:
+    """Insert a distance in ascending order; the largest is lost."""
+    k = first + MOST_OTHERS - 1
+    if distance_m >= records[i, k]:
+        return
+    while k > first and records[i, k - 1] > distance_m:
+        records[i, k] = records[i, k - 1]
+        k -= 1
+    records[i, k] = distance_m
+
+
+@kernel_part
+def _add_other(records: Array2D[np.float64], i: int, away_m: float, rise_m: float) -> None:
+    if rise_m <= UPRIGHT_M and away_m <= (LONELY_LEVEL_M if rise_m <= LEVEL_M else LONELY_M):
+        records[i, LONELY] = 0.0
+    if records[i, BAND] != HIGH or rise_m <= UPRIGHT_M:
+        _insert(records, i, UPRIGHT, away_m)
+    if rise_m <= LEVEL_M:
+        _insert(records, i, LEVEL, away_m)
+
+
+@kernel_part
+def _sorted_by_square(
+    records: Array2D[np.float64], new: Array1D[np.int64]
+) -> tuple[Array1D[np.int64], Array2D[np.float64], Array1D[np.int64], Array1D[np.int64], int]:
+    """Return returns near new ones by squares, their places and bands, squares, their starts and columns."""
+    west = south = np.inf
+    east = north = -np.inf
+    for i in new:
+        west, south = min(west, records[i, EAST]), min(south, records[i, NORTH])
+        east, north = max(east, records[i, EAST]), max(north, records[i, NORTH])
+    west, south = west - (RINGS + 1) * SQUARE_M, south - (RINGS + 1) * SQUARE_M
+    cols, rows = int((east - west) / SQUARE_M) + RINGS + 2, int((north - south) / SQUARE_M) + RINGS + 2
+    at, starts = np.full(len(records), -1, np.int64), np.zeros(rows * cols + 1, np.int64)
+    for i in range(len(records)):
+        if records[i, BAND] == NO_BAND:
+            continue
+        x = int(np.floor((records[i, EAST] - west) / SQUARE_M))
+        y = int(np.floor((records[i, NORTH] - south) / SQUARE_M))
+        if 0 <= x < cols and 0 <= y < rows:
+            at[i] = y * cols + x
+            starts[at[i] + 1] += 1
+    for k in range(rows * cols):
+        starts[k + 1] += starts[k]
+    order, places, filled = np.empty(starts[-1], np.int64), np.empty((starts[-1], 4)), starts.copy()
+    for i in range(len(records)):
+        if at[i] >= 0:
+            k = filled[at[i]]
+            order[k], filled[at[i]] = i, k + 1
+            places[k, 0], places[k, 1] = records[i, EAST], records[i, NORTH]
+            places[k, 2], places[k, 3] = records[i, UP], records[i, BAND]
+    return order, places, at, starts, cols
+
+
+@kernel
+def add_others(records: Array2D[np.float64], new: Array1D[np.int64], reaches_m: Array1D[np.float64]) -> None:
+    """Add new returns to the nearest others of all, and the nearest others of the new ones.
+
+    Others are of the same band and within the reach of the new one; of an upright object those at any height
+    of the band, in the highest band those within `UPRIGHT_M`; of a level object those within `LEVEL_M` of
+    height. A return with another within `LONELY_M` and `UPRIGHT_M` of height, or within `LONELY_LEVEL_M` and
+    `LEVEL_M`, is not lonely.
+
+    Parameters
+    ----------
+    records
+        (n, ISOLATED_FIELDS), changed; those without a band are left out.
+    new, reaches_m
+        (m,) which of them are new, all with a band, and how far others of each may be.
+    """
+    if not len(new):
+        return
+    order, places, at, starts, cols = _sorted_by_square(records, new)
+    is_new = np.zeros(len(records), np.bool_)
+    is_new[new] = True
+    for n in range(len(new)):
+        i, reach_m = new[n], reaches_m[n]
+        place, band, rings = records[i, : UP + 1], records[i, BAND], math.ceil(reach_m / SQUARE_M)
+        for row in range(-rings, rings + 1):
+            first = at[i] + row * cols
+            for k in range(starts[first - rings], starts[first + rings + 1]):
+                east, north, j = place[EAST] - places[k, 0], place[NORTH] - places[k, 1], order[k]
+                away2 = east * east + north * north
+                if away2 > reach_m * reach_m or places[k, 3] != band or j == i:
+                    continue
+                rise, away = abs(place[UP] - places[k, 2]), max(math.sqrt(away2), NEAREST_M)
+                _add_other(records, i, away, rise)
+                if not is_new[j]:
+                    _add_other(records, j, away, rise)
