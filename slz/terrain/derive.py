@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.kernels.cells.cell_record import HEIGHT, WEIGHT
 from slz.kernels.footprint.derive_maps import derive_box
-from slz.kernels.footprint.patch import inverses
-from slz.kernels.raster.bitmap import Bits
+from slz.kernels.footprint.patch import COLS, inverses, rows_of_patch
+from slz.kernels.raster.bitmap import ALL, Bits
 from slz.kernels.raster.morphology import (
     above,
     closed,
@@ -56,9 +56,10 @@ def reach_of(parameters: Parameters, cell_m: float) -> Reach:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CoveredCells:
-    """Cell statistics for a box with a margin, and bitmaps of its footprints' coverage."""
+    """Cell statistics for a box with a margin, and bitmaps: known cells, and its footprints' coverage."""
 
     cells: NDArray[np.float32]
+    known: Bits
     covered: Bits
     unseen: Bits
     edge: int
@@ -84,6 +85,7 @@ class CoveredCells:
             unseen |= dilated(above(refused.astype(np.float32), np.float32(0)), reach.radius, cols)
         return cls(
             cells,
+            known,
             covered,
             unseen,
             reach.margin,
@@ -124,10 +126,12 @@ def derive(
     rows, cols = cells.shape[1] - 2 * m, cells.shape[2] - 2 * m
     wide = -(-cols // LANES) * LANES
     maps, states = np.empty((len(LAYERS), rows, wide), np.float32), np.empty((1, rows, wide), np.uint8)
+    levels = np.empty((-(-rows // rows_of_patch(reach.radius)), -(-wide // COLS)), np.float32)
+    every = np.full((rows + 2 * m, (wide + 2 * m + 63) >> 6), ALL)
     derive_box(
         cells, inverses(cells), seen.covered, seen.unseen, m, seen.radius, seen.limits,
         seen.gear.contacts_m, seen.gear.limits, (0, rows, 0, wide),
-        maps.ravel(), 0, rows * wide, wide, states.ravel(), 0,
+        maps.ravel(), 0, rows * wide, wide, states.ravel(), 0, every, levels,
     )  # fmt: skip
     return maps[:, :, :cols], states[:, :, :cols]
 

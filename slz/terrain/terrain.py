@@ -30,10 +30,11 @@ from slz.grid import Box, Edges, Grid, hull
 from slz.kernels.cells.cell_record import TILE
 from slz.kernels.cells.cell_statistics import summary
 from slz.kernels.cells.resolution_pyramid import downsample
+from slz.kernels.cells.tile_boxes import or_hits, set_box
 from slz.kernels.footprint.patch import COLS, rows_of_patch
 from slz.kernels.lines.wire_tops import raise_tops
 from slz.kernels.points.clutter import put_onto
-from slz.kernels.raster.bitmap import Bits
+from slz.kernels.raster.bitmap import ALL, Bits
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 from slz.terrain.arrivals import Arrivals
 from slz.terrain.derive import CoveredCells, reach_of
@@ -43,8 +44,8 @@ from slz.terrain.terrain_maps import SAFE
 from slz.terrain.terrain_view import UnboundedTerrain, cells_within
 from slz.terrain.thin_objects import ThinObjects
 from slz.terrain.tiled_raster import Block, TiledLayers
-from slz.terrain.tiles import SERIALS, Change, Noise, Tiles
-from slz.tile_keys import Key, box_of_tile, keys_over
+from slz.terrain.tiles import SERIALS, Change, Hits, Noise, Tiles
+from slz.tile_keys import Key, box_of_tile
 
 AGEING = 0.1  # share of `max_age_s` for which a cell that became too old may still be shown
 PATIENCE = 0.7  # share of that time before which no tile is derived again for its age
@@ -104,7 +105,8 @@ class EvidenceTerrain(UnboundedTerrain):
         self.changed_tiles: set[Key] = set()
         self._seen = Box(0, 0, 0, 0)
         self._aged_s = 0.0
-        self._n_derived, self._new = 0, [0]
+        self.n_derived = 0
+        self._n_tiles, self._new = 0, [0]
         self._thin = ThinObjects()
         self.surface: Surface | None = None
         self.arrivals: Arrivals | None = None
@@ -174,9 +176,9 @@ class EvidenceTerrain(UnboundedTerrain):
             altered += self._boxes_around(self._thin.altered_enu_m)
         if self.arrivals is not None:
             altered += self._boxes_around(self.arrivals.altered_enu_m)
-        self._derive_all([*change.boxes, *altered, *map(box_of_tile, change.evicted)])
+        self._derive_all(change.boxes, change.hits, [*altered, *map(box_of_tile, change.evicted)])
         for key in self._aged(now_s):
-            self._derive_all([box_of_tile(key)])
+            self._derive_all([], (), [box_of_tile(key)])
         if change.evicted:
             self.changed_tiles.update(self._maps.keep(lambda key: self.tiles.any_near(key, self.level)))
             if len(self.changed_tiles) > 2 * self.tiles.capacity:  # no reader
@@ -255,20 +257,22 @@ class EvidenceTerrain(UnboundedTerrain):
 
         The first window is ignored, because all its tiles are new.
         """
-        n_derived = len(self._maps)
-        self._new = [*self._new[-1:], max(0, n_derived - self._n_derived) if self._n_derived else 0]
-        self._n_derived = n_derived
+        n_tiles = len(self._maps)
+        self._new = [*self._new[-1:], max(0, n_tiles - self._n_tiles) if self._n_tiles else 0]
+        self._n_tiles = n_tiles
         count = max(self._new) + MORE
         self.tiles.prepare(min(count, self.tiles.n_free))
         self._maps.prepare(count)
 
     # ---- maps out -------------------------------------------------------------------------------
 
-    def _derive_all(self, fine: Iterable[Box]) -> None:
-        """Derive all maps that depend on the evidence of these boxes of finest cells."""
+    def _derive_all(self, hit: Iterable[Box], hits: Sequence[Hits], altered: Sequence[Box]) -> None:
+        """Derive all maps that depend on changed finest cells: those hit, within boxes, and altered boxes."""
         rows = rows_of_patch(self.radius)
-        for box in _regions(_in_patches(_widened(box, self.level, self._margin), rows) for box in fine):
-            self._derive(box)
+        altered = [_widened(box, self.level, self._margin) for box in altered]
+        hit = [_widened(box, self.level, self._margin) for box in hit]
+        for box in _regions(_in_patches(part, rows) for part in (*hit, *altered)):
+            self._derive(box, hits, altered)
 
     def _cells(self, box: Box) -> NDArray[np.float32]:
         max_age_s = (1 - AGEING) * self._parameters.max_age_s  # so that no cell is shown beyond `max_age_s`
@@ -289,10 +293,11 @@ class EvidenceTerrain(UnboundedTerrain):
             raise_tops(self.wires_m, west_m, south_m, cell_m, self._reach.gap, cells)
         return cells
 
-    def _derive(self, box: Box) -> None:
-        """Derive the maps of a box from the evidence of the box and its surroundings."""
+    def _derive(self, box: Box, hits: Sequence[Hits], altered: Sequence[Box]) -> None:
+        """Derive the maps of a box where the evidence of the box and its surroundings changed."""
         m = self._margin
-        cells = self._cells(Box(box.row0 - m, box.row1 + m, box.col0 - m, box.col1 + m))
+        around = Box(box.row0 - m, box.row1 + m, box.col0 - m, box.col1 + m)
+        cells = self._cells(around)
         refused = None
         if self.surface is not None:
             cell_m, (rows, cols) = self.grid.cell_m, cells.shape[1:]
@@ -301,10 +306,25 @@ class EvidenceTerrain(UnboundedTerrain):
                 self.tiles.south_m + (box.row0 - m) * cell_m,
             )
             refused = self.surface.refused(west_m, south_m, cell_m, rows, cols)
-        self._maps.derive(
-            box, CoveredCells.of(cells, self._reach, self.grid.cell_m, self._parameters, refused)
-        )
-        self.changed_tiles.update(keys_over(box))
+        seen = CoveredCells.of(cells, self._reach, self.grid.cell_m, self._parameters, refused)
+        keys, n = self._maps.derive(box, seen, self._changed(around, hits, altered))
+        self.changed_tiles.update(keys)
+        self.n_derived += n
+
+    def _changed(self, around: Box, hits: Sequence[Hits], altered: Sequence[Box]) -> Bits:
+        """Return the cells of a box whose statistics may have changed.
+
+        In coarser cells one of several finest cells may have aged unnoticed, so that all count as changed.
+        """
+        if self.level:
+            return np.full((around.shape[0], (around.shape[1] + 63) >> 6), ALL)
+        out = np.zeros((around.shape[0], (around.shape[1] + 63) >> 6), np.uint64)
+        for corner, words in hits:
+            or_hits(words, *corner, around.row0, around.col0, out)
+        for box in altered:
+            there = box.relative_to(around)
+            set_box(out, there.row0, there.row1, there.col0, there.col1)
+        return out
 
     def moved(self, grid: Grid) -> EvidenceTerrain:
         """Return another window onto the same evidence (new zone of SLZ paper, section 3.2.5)."""
@@ -324,7 +344,7 @@ class EvidenceTerrain(UnboundedTerrain):
         new.pinned, new._aged_s, new._thin = self.pinned, self._aged_s, self._thin
         new.surface, new.arrivals, new.wires_m = self.surface, self.arrivals, self.wires_m
         new._seen = _widened(_scaled(self._seen, self.level), level, 0)
-        new._derive_all(self.tiles.boxes)
+        new._derive_all([], (), self.tiles.boxes)
         new._oldest_s = dict(self._oldest_s)
         return new
 

@@ -42,18 +42,29 @@ class Noise:
     angle_rad: float
 
 
-@dataclass(frozen=True, slots=True)
-class Change:
-    """Effect of a window: boxes of cells hit, tiles evicted for them, points without a tile."""
+Hits = tuple[Key, NDArray[np.uint64]]
+"""First tile of a rectangle of tiles, and (rows, columns, TILE) words: a bit for each cell hit."""
 
-    boxes: tuple[Box, ...]
-    evicted: tuple[Key, ...]
-    n_dropped: int
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Change:
+    """Effect of a window: boxes of cells hit by tile, tiles evicted for them, points without a tile.
+
+    hits: which cells were hit.
+    """
+
+    boxes: tuple[Box, ...] = ()
+    evicted: tuple[Key, ...] = ()
+    n_dropped: int = 0
+    hits: tuple[Hits, ...] = ()
 
     def together_with(self, other: Change) -> Change:
         """Return the effect of both."""
         return Change(
-            self.boxes + other.boxes, self.evicted + other.evicted, self.n_dropped + other.n_dropped
+            self.boxes + other.boxes,
+            self.evicted + other.evicted,
+            self.n_dropped + other.n_dropped,
+            self.hits + other.hits,
         )
 
 
@@ -131,7 +142,7 @@ class Tiles:
         at, found = cells_of(points_enu_m, self.west_m, self.south_m, self.cell_m, edges)
         *hit, inside = found.tolist()
         if not inside:
-            return Change((), (), 0)
+            return Change()
         corner, shape = tiles_over(Box(*hit))
         count = count_by_tile(at, *corner, *shape)
         wanted = np.argwhere(count) + np.array(corner)
@@ -140,11 +151,12 @@ class Tiles:
             points_enu_m, at, sensor_enu_m, noise.range_m, noise.angle_rad, *corner, count
         )
         table, hit_boxes = self._table(corner, shape), np.zeros((*shape, 4), np.int64)
+        hits = np.zeros((*shape, TILE), np.uint64)
         used = accumulate(
-            cells, samples, count, *corner, now_s, hold_s, max_age_s, self._pool, table, hit_boxes
+            cells, samples, count, *corner, now_s, hold_s, max_age_s, self._pool, table, hit_boxes, hits
         )
         boxes = tuple(Box(*map(int, row)) for row in hit_boxes[hit_boxes[..., 0] < hit_boxes[..., 1]])
-        return Change(boxes, evicted, inside - int(used))
+        return Change(boxes, evicted, inside - int(used), ((corner, hits),))
 
     def _make_room(
         self, wanted: list[Key], sensor_enu_m: NDArray[np.float64], now_s: float, pinned: Collection[Key]

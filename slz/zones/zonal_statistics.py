@@ -80,10 +80,10 @@ def _by_tiles(
             there.row0, versions, own, content, down, right,
             known.versions, old.own_bits, old.content_bits, known.parts, known.holes, wanted, parts, holes,
         )  # fmt: skip
-    for first, layers, states in blocks:
+    for block in blocks:
         zonal_sums_of_tiles(
-            layers, states, first, table, wanted, there.row0, *PLACES, SAFE, UNSAFE, own, content, parts,
-            holes,
+            block.layers, block.states, block.first, table, wanted, there.row0, *PLACES, SAFE, UNSAFE,
+            own, content, parts, holes,
         )  # fmt: skip
     return ZonalStatistics(_total(parts), holes, parts, versions, unchanged)
 

@@ -252,6 +252,7 @@ def _accumulate_in_tile(
     hold_s: Float32,
     max_age_s: Float32,
     tile: Array3D[np.float32],
+    hits: Array1D[np.uint64],
 ) -> tuple[int, int, int, int]:
     """Add the points of a tile to its cells, see `accumulate`; return the box of the cells hit."""
     r0, r1, c0, c1 = TILE, -1, TILE, -1
@@ -260,6 +261,7 @@ def _accumulate_in_tile(
         prefetch(flat, 2 * FIELDS * cells[min(i + PREFETCH_AHEAD, last)])
         r, c = cells[i] >> TILE_BITS, cells[i] & (TILE - 1)
         r0, r1, c0, c1 = min(r0, r), max(r1, r), min(c0, c), max(c1, c)
+        hits[r] |= NEXT << np.uint64(c)
         h, variance = samples[i, 0], samples[i, 1]
         held = tile[cells[i]]
         now, before = held[0], held[1]
@@ -301,11 +303,12 @@ def accumulate(
     pool: Array5D[np.float32],
     table: Array2D[np.int32],
     hit_boxes: Array3D[np.int64],
+    hits: Array3D[np.uint64],
 ) -> int:
     """Add points, sorted by tile, to the per-cell statistics; return how many were used.
 
     `table` holds the slot in the pool of each tile, -1 where there is none. `hit_boxes` receives row0, row1,
-    col0, col1 (half open) of the cells hit in each tile.
+    col0, col1 (half open) of the cells hit in each tile, and `hits` a bit for each: a word a row.
 
     A cell has a current and a previous epoch. When new points arrive and the current epoch is older than
     `hold_s`, it becomes the previous one. So an observation counts for at least `hold_s`, and until two
@@ -319,7 +322,9 @@ def accumulate(
             if n > 0 and slot >= 0:
                 tile = pool[slot].reshape(TILE * TILE, 2, FIELDS)
                 cell, sample = cells[first : first + n], samples[first : first + n]
-                r0, r1, c0, c1 = _accumulate_in_tile(cell, sample, now_s, hold_s, max_age_s, tile)
+                r0, r1, c0, c1 = _accumulate_in_tile(
+                    cell, sample, now_s, hold_s, max_age_s, tile, hits[tr, tc]
+                )
                 south, west = (tile_row + tr) * TILE, (tile_col + tc) * TILE
                 box = hit_boxes[tr, tc]
                 box[0], box[1], box[2], box[3] = south + r0, south + r1, west + c0, west + c1

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
-from slz.kernels.jit import kernel, kernel_for_any_types
-from slz.kernels.raster.bitmap import NONE, Bits
+from slz.kernels.jit import kernel, kernel_for_any_types, kernel_part
+from slz.kernels.raster.bitmap import ALL, NONE, Bits, word_at, word_mask
 
 Value = TypeVar("Value", np.float32, np.uint8)
 Values = NDArray[Any]
@@ -141,3 +141,100 @@ def copy_cells(
         slot = table[(r >> TILE_BITS) - (row0 >> TILE_BITS), (c >> TILE_BITS) - (col0 >> TILE_BITS)] - first
         if 0 <= slot < len(block):
             out[i] = block[slot, layer, r & (TILE - 1), c & (TILE - 1)]
+
+
+@kernel_part
+def or_word(out: Bits, row: int, col: int, word: np.uint64) -> None:
+    """Set the bits of a word in the 64 cells of a row from a column on; cells outside are left out."""
+    k, shift = col >> 6, np.uint64(col & 63)
+    if 0 <= k < out.shape[1]:
+        out[row, k] |= word << shift
+    if shift != NONE and -1 <= k < out.shape[1] - 1:
+        out[row, k + 1] |= word >> (np.uint64(64) - shift)
+
+
+@kernel
+def copy_bits(
+    block: Array3D[np.uint64], which: int, first: int, table: Table, row0: int, col0: int, out: Bits
+) -> None:
+    """Set the bits of a box from the bitmaps of those of its tiles that are in a block.
+
+    Parameters
+    ----------
+    block, which
+        (tiles, bitmaps, TILE), a word for each row of a tile, and the bitmap to copy.
+    out
+        Bits of the box; its last words may extend beyond, and get the bits there of the table's tiles.
+    """
+    for tr in range(table.shape[0]):
+        south = ((row0 >> TILE_BITS) + tr) << TILE_BITS
+        for tc in range(table.shape[1]):
+            slot, west = table[tr, tc] - first, ((col0 >> TILE_BITS) + tc) << TILE_BITS
+            if slot < 0 or slot >= len(block):
+                continue
+            for r in range(max(row0, south), min(row0 + len(out), south + TILE)):
+                or_word(out, r - row0, west - col0, block[slot, which, r - south])
+
+
+@kernel
+def put_bits(
+    block: Array3D[np.uint64],
+    which: int,
+    first: int,
+    table: Table,
+    row0: int,
+    col0: int,
+    bits: Bits,
+    edge: int,
+    cols: int,
+) -> None:
+    """Write bits of a box to the bitmaps of those of its tiles that are in a block, see `copy_bits`.
+
+    Parameters
+    ----------
+    bits, edge, cols
+        Bitmap of the box with a margin, which is left out, and the columns of the box.
+    """
+    rows = len(bits) - 2 * edge
+    for tr in range(table.shape[0]):
+        south = ((row0 >> TILE_BITS) + tr) << TILE_BITS
+        for tc in range(table.shape[1]):
+            slot, west = table[tr, tc] - first, ((col0 >> TILE_BITS) + tc) << TILE_BITS
+            if slot < 0 or slot >= len(block) or west >= col0 + cols or west + TILE <= col0:
+                continue
+            mask = word_mask(col0 - west, col0 + cols - west)
+            for r in range(max(row0, south), min(row0 + rows, south + TILE)):
+                word = word_at(bits, edge + r - row0, edge + west - col0)
+                held = block[slot, which, r - south]
+                block[slot, which, r - south] = (held & (ALL ^ mask)) | (word & mask)
+
+
+@kernel
+def or_hits(hits: Array3D[np.uint64], tile_row: int, tile_col: int, row0: int, col0: int, out: Bits) -> None:
+    """Set the bits of a box that were hit: (rows, columns, TILE) words of tiles from a first one on."""
+    for tr in range(hits.shape[0]):
+        south = (tile_row + tr) << TILE_BITS
+        for tc in range(hits.shape[1]):
+            west = ((tile_col + tc) << TILE_BITS) - col0
+            for r in range(max(row0, south), min(row0 + len(out), south + TILE)):
+                word = hits[tr, tc, r - south]
+                if word != NONE:
+                    or_word(out, r - row0, west, word)
+
+
+@kernel
+def set_box(out: Bits, row0: int, row1: int, col0: int, col1: int) -> None:
+    """Set the bits of a box of cells; cells outside are left out."""
+    for r in range(max(0, row0), min(len(out), row1)):
+        for w in range(max(0, col0 >> 6), min(out.shape[1], ((col1 - 1) >> 6) + 1)):
+            out[r, w] |= word_mask(col0 - 64 * w, col1 - 64 * w)
+
+
+@kernel
+def any_in_box(bits: Bits, row0: int, row1: int, col0: int, col1: int) -> bool:
+    """Return whether a bit of a box of cells is set."""
+    for r in range(row0, row1):
+        for c in range(col0, col1, 64):
+            if word_at(bits, r, c) & word_mask(0, col1 - c) != NONE:
+                return True
+    return False

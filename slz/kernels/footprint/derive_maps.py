@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, Float32
+from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, Float32, Strided2D
 from slz.kernels.cells.cell_record import HEIGHT, TILE, TILE_BITS, TOP
+from slz.kernels.cells.tile_boxes import or_word
 from slz.kernels.footprint.certainty import hazard_quarters
 from slz.kernels.footprint.classify import (
     A_CERTAINTY,
@@ -27,10 +28,10 @@ from slz.kernels.footprint.patch import (
 from slz.kernels.footprint.plane_fit import PLANE, PLANE_STATISTICS, add_inner_relief, fit_planes
 from slz.kernels.footprint.rest_pose import Contacts, GearLimits, refuse_without_heading, scratch_for
 from slz.kernels.jit import kernel
-from slz.kernels.raster.bitmap import NONE, Bits, word_at
+from slz.kernels.raster.bitmap import ALL, NONE, Bits, word_at
 from slz.kernels.simd import LANES, aligned_empty, load, store
 
-LOW16 = np.uint64(0xFFFF)
+LOW16, LOW32 = np.uint64(0xFFFF), np.uint64(0xFFFFFFFF)
 Row = Array1D[np.float32]
 Table = Array2D[np.int32]
 Limits = tuple[Float32, Float32, Float32, Float32, Float32]
@@ -54,8 +55,10 @@ def derive_box(
     stride: int,
     states: Array1D[np.uint8],
     place: int,
-) -> None:
-    """Derive the maps and states of a box of cells, see `slz.terrain.derive.derive`.
+    dirty: Bits,
+    levels: Strided2D[np.float32],
+) -> int:
+    """Derive the maps and states of a box of cells, see `slz.terrain.derive.derive`; return how many.
 
     Parameters
     ----------
@@ -76,6 +79,9 @@ def derive_box(
         Maps, index of the first cell in the first map, distance to the next map and to the next row.
     states, place
         States, and index of the first cell's state.
+    dirty, levels
+        Cells that may change, likewise with a margin; and of each patch of the box the height that its
+        heights were relative to, which is rewritten: where it has changed, all its cells may.
     """
     row0, row1, col0, col1 = box
     cell_m, noise_m, slope_limit, relief_limit, hazard_m = limits
@@ -92,11 +98,18 @@ def derive_box(
     rise, scratch = held[RISE * tall * wide : INVERSE * tall * wide], scratch_for(contacts)
     statistics, plane = aligned_empty(high * PLANE_STATISTICS * LANES), aligned_empty(high * PLANE * LANES)
     some, own, found = np.empty(high, np.uint64), np.empty(high, np.uint64), aligned_empty(MOST_SAMPLED)
+    todo, now, n = np.empty(high, np.uint64), np.empty(high, np.uint64), 0
+    before = np.empty(LANES, np.float32), np.empty(LANES, np.uint8)
     for i in range(2 * k + 1):
         away[i] = i - k
     for r in range(row0, row1, high):
         for c in range(col0, col1, COLS):
-            any_, count, level = NONE, min(high, row1 - r), np.float32(0)
+            any_, count, level, asked = NONE, min(high, row1 - r), np.float32(0), NONE
+            for j in range(high):
+                todo[j] = word_at(dirty, edge + r + j, edge + c) & LOW32 if j < count else NONE
+                asked |= todo[j]
+            if asked == NONE:
+                continue
             for j in range(high):
                 some[j] = word_at(covered, edge + r + j, edge + c) if j < count else NONE
                 any_ |= some[j]
@@ -104,26 +117,38 @@ def derive_box(
                 level = middle_height(cells, edge - k + r, edge - k + c, tall, COLS + 2 * k, found)
                 if np.isnan(level):
                     any_ = NONE
+            patch = (r - row0) // high, (c - col0) // COLS
+            if level != levels[patch]:
+                todo[:count], asked, levels[patch] = LOW32, LOW32, level
             if any_ != NONE:
                 gather_cells(flat, inverse, cols, edge - k + r, edge - k + c, tall, wide, level, held)
                 over_rows(held, high, k, wide, sums, rises)
             for g in range(0, min(COLS, col1 - c), LANES):
                 shift, fits = np.uint64(g), False
+                if (asked >> shift) & LOW16 == NONE:
+                    continue
                 for j in range(high):
-                    own[j] = (some[j] >> shift) & LOW16
+                    own[j], now[j] = (some[j] >> shift) & LOW16, (todo[j] >> shift) & LOW16
                     fits |= any_ != NONE and own[j] != NONE
                 if fits:
                     fit_planes(
-                        sums, rises, lower, upper, wide, g, away, own, cell_m, noise_m, slope_limit,
+                        sums, rises, lower, upper, wide, g, away, own, now, cell_m, noise_m, slope_limit,
                         statistics, plane,
                     )  # fmt: skip
                 for j in range(count):
+                    if now[j] == NONE:
+                        continue
+                    n += LANES
                     here = (r - row0 + j) * stride + c - col0 + g
                     at = (edge + r + j) * cols + edge + c + g
                     store(maps, A_HEIGHT * layer + to + here, load(flat, HEIGHT * rows * cols + at))
                     store(maps, A_TOP * layer + to + here, load(flat, TOP * rows * cols + at))
                     if fits:
                         hidden = word_at(unseen, edge + r + j, edge + c + g) & LOW16
+                        if now[j] != LOW16:
+                            for i in range(LANES):
+                                before[0][i] = maps[A_CERTAINTY * layer + to + here + i]
+                                before[1][i] = states[place + here + i]
                         doubtful = classify(
                             statistics, j * PLANE_STATISTICS * LANES, hidden, slope_limit, relief_limit,
                             quarters, maps, to + here, layer, states, place + here,
@@ -145,10 +170,11 @@ def derive_box(
                             refuse_without_heading(
                                 statistics, j * PLANE_STATISTICS * LANES, plane, j * PLANE * LANES,
                                 (lower, rise, upper, wide, j + k, g + k), cell_m, contacts, gear, scratch,
-                                maps, A_CERTAINTY * layer + to + here, states, place + here,
+                                now[j], before, maps, A_CERTAINTY * layer + to + here, states, place + here,
                             )  # fmt: skip
                     else:
                         leave_unknown(maps, to + here, layer, states, place + here)
+    return n
 
 
 @kernel
@@ -163,22 +189,28 @@ def derive_tiles(
     gear: GearLimits,
     block: Array4D[np.float32],
     states: Array4D[np.uint8],
+    levels: Array3D[np.float32],
     first: int,
     table: Table,
     row0: int,
     col0: int,
-) -> None:
+    dirty: Bits,
+) -> int:
     """Derive the maps of all cells but a margin, and write them to those of their tiles that are in a block.
+
+    Return how many were derived.
 
     Parameters
     ----------
-    block, states, first, table
-        (tiles, layers, TILE, TILE) and (tiles, 1, TILE, TILE), slot of their first tile, and slots of all
-        tiles that the box touches.
+    block, states, levels, first, table
+        (tiles, layers, TILE, TILE), (tiles, 1, TILE, TILE) and (tiles, TILE / 2, TILE / COLS), slot of their
+        first tile, and slots of all tiles that the box touches.
     row0, col0
         South-west corner of the box, in the rows and columns of the tiling.
+    dirty
+        Cells that may change, with a margin as the others have.
     """
-    rows, cols = cells.shape[1] - 2 * edge, cells.shape[2] - 2 * edge
+    n, rows, cols, high = 0, cells.shape[1] - 2 * edge, cells.shape[2] - 2 * edge, rows_of_patch(radius)
     inverse, maps, flat_states, size = inverses(cells), block.ravel(), states.ravel(), TILE * TILE
     for tr in range(table.shape[0]):
         south = (((row0 >> TILE_BITS) + tr) << TILE_BITS) - row0
@@ -188,7 +220,19 @@ def derive_tiles(
                 continue
             box = max(0, south), min(rows, south + TILE), max(0, west), min(cols, west + TILE)
             at = (box[0] - south) * TILE + box[2] - west
-            derive_box(
+            n += derive_box(
                 cells, inverse, covered, unseen, edge, radius, limits, contacts, gear, box,
-                maps, slot * block.shape[1] * size + at, size, TILE, flat_states, slot * size + at,
+                maps, slot * block.shape[1] * size + at, size, TILE, flat_states, slot * size + at, dirty,
+                levels[slot][(box[0] - south) // high :, (box[2] - west) // COLS :],
             )  # fmt: skip
+    return n
+
+
+@kernel
+def add_altered(bits: Bits, before: Bits, edge: int, is_complement: bool, dirty: Bits) -> None:
+    """Add the cells whose bit is another than before; `before` has no margin, and may be the complement."""
+    flipped = ALL if is_complement else NONE
+    for r in range(before.shape[0]):
+        for w in range(before.shape[1]):
+            word = word_at(bits, edge + r, edge + 64 * w) ^ before[r, w] ^ flipped
+            or_word(dirty, edge + r, edge + 64 * w, word)

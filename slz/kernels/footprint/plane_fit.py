@@ -179,6 +179,7 @@ def fit_planes(
     col: int,
     away: Row,
     covered: Array1D[np.uint64],
+    asked: Array1D[np.uint64],
     cell_m: Float32,
     noise_m: Float32,
     slope_limit: Float32,
@@ -199,6 +200,8 @@ def fit_planes(
         East offsets of the columns of a footprint from its middle, in cells.
     covered
         For each row, a mask of the footprints that are wholly covered by seen cells.
+    asked
+        For each row, a mask of those wanted; a pair of rows without any is left out.
     statistics
         (rows, PLANE_STATISTICS, 16), flat: receives the statistics. NaN where a footprint is not covered, has
         fewer than six cells with a height or only collinear ones; the relief also where the slope exceeds its
@@ -208,7 +211,9 @@ def fit_planes(
     """
     rows = len(covered)
     for j in range(0, rows, 2):
-        asked = _fit(
+        if asked[j] | asked[j + 1] == NONE:
+            continue
+        south = _fit(
             sums, rises, j, col, rows, away, covered[j], cell_m, noise_m, slope_limit, statistics, plane
         )
         north = _fit(
@@ -225,5 +230,5 @@ def fit_planes(
             statistics,
             plane,
         )
-        if asked | north != NONE:
-            _add_relief(lower, upper, j, col, wide, away, asked, north, plane, statistics)
+        if south | north != NONE:
+            _add_relief(lower, upper, j, col, wide, away, south, north, plane, statistics)

@@ -81,15 +81,18 @@ def ground_under(
     row, col = ground[4] + north, ground[5] + east
     row0, row1 = math.floor(row - pad + 0.5), math.floor(row + pad + 0.5)
     col0, col1 = math.floor(col - pad + 0.5), math.floor(col + pad + 0.5)
+    around = ground_of_box(ground, plane, row0 - 1, row1 + 1, col0 - 1, col1 + 1)
+    if not np.isnan(around[1]) and around[2] - around[0] <= edge_m:
+        return around
     own = ground_of_box(ground, plane, row0, row1, col0, col1)
-    for ring in range(1, FARTHEST_RING + 1):
-        around = ground_of_box(ground, plane, row0 - ring, row1 + ring, col0 - ring, col1 + ring)
-        if not np.isnan(around[1]) and around[2] - around[0] <= edge_m:
-            return around
+    for ring in range(2, FARTHEST_RING + 1):
         if not np.isnan(own[1]):
             return own
         own = around
-    return own
+        around = ground_of_box(ground, plane, row0 - ring, row1 + ring, col0 - ring, col1 + ring)
+        if not np.isnan(around[1]) and around[2] - around[0] <= edge_m:
+            return around
+    return around if np.isnan(own[1]) else own
 
 
 @kernel_part
@@ -337,6 +340,8 @@ def refuse_without_heading(
     contacts: Contacts,
     limits: GearLimits,
     scratch: Scratch,
+    asked: np.uint64,
+    before: tuple[Row, Array1D[np.uint8]],
     certainties: Row,
     to: int,
     states: Array1D[np.uint8],
@@ -352,6 +357,8 @@ def refuse_without_heading(
         Plane statistics and planes, and index of the first, see `slz.kernels.footprint.plane_fit.fit_planes`.
     ground
         Ground under the first of the 16 cells.
+    asked, before
+        Mask of the cells to look at, and certainties and states of 16, which the others get back.
     certainties, to, states, place
         Certainties and states of the cells, and index of the first.
     """
@@ -366,6 +373,9 @@ def refuse_without_heading(
     while uneven != NONE:
         i = signed(lowest(uneven))
         uneven &= uneven - ONE
+        if (asked >> np.uint64(i)) & ONE == NONE:
+            certainties[to + i], states[place + i] = before[0][i], before[1][i]
+            continue
         if states[place + i] != IS_SAFE and certainties[to + i] < LEAST_CERTAINTY:
             continue
         plane = (
