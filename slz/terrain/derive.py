@@ -12,6 +12,7 @@ from params import Parameters
 from slz.kernels.cells.cell_record import HEIGHT, WEIGHT
 from slz.kernels.footprint.derive_maps import derive_box
 from slz.kernels.footprint.patch import COLS, inverses, rows_of_patch
+from slz.kernels.footprint.rest_pose import FARTHEST_RING
 from slz.kernels.raster.bitmap import ALL, Bits
 from slz.kernels.raster.morphology import (
     above,
@@ -94,6 +95,17 @@ class CoveredCells:
             parameters,
             gear_of(parameters, cell_m),
         )
+
+    @property
+    def nearest_unrelated(self) -> int:
+        """Cells to a side from which on the evidence of another cell does not affect one that stays covered.
+
+        Its footprint, or the ground that its gear looks for, and beyond them a cell that supports extremes.
+        """
+        ground = 0
+        if len(self.gear.contacts_m):
+            ground = math.ceil(self.gear.reach_m / self.cell_m + 0.5) + FARTHEST_RING
+        return max(self.radius, ground) + 1
 
     @property
     def limits(self) -> tuple[float, float, float, float, float]:

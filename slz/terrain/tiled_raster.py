@@ -100,7 +100,7 @@ class TiledLayers:
         -------
         Keys of the tiles with derived cells, and the number of these cells.
         """
-        edge, near = seen.edge, seen.radius + 1
+        edge, near = seen.edge, seen.nearest_unrelated
         around = Box(box.row0 - edge, box.row1 + edge, box.col0 - edge, box.col1 + edge)
         dirty = dilated(changed | (seen.known ^ self._bits(around, KNOWN)), near, around.shape[1])
         add_altered(seen.covered, self._bits(box, COVERED), edge, False, dirty)

@@ -28,7 +28,7 @@ from slz.kernels.footprint.moments import (
 from slz.kernels.footprint.patch import COLS as PATCH
 from slz.kernels.footprint.patch import gather_cells, inverses, rows_of_patch
 from slz.kernels.jit import kernel
-from slz.kernels.raster.bitmap import packed
+from slz.kernels.raster.bitmap import ALL, packed
 from slz.kernels.raster.morphology import eroded
 from slz.kernels.simd import LANES, store, store_wide
 from slz.terrain.gear import NO_GEAR
@@ -72,10 +72,11 @@ def planes(
     about[:, k : k + rows, k : k + cols] = cells
     whole = eroded(packed(np.pad(covered, k)), k, cols + 2 * k)
     maps, states = np.empty((len(LAYERS), rows, wide), np.float32), np.empty(rows * wide, np.uint8)
+    levels = np.empty((rows, wide), np.float32)
     derive_box(
         about, inverses(about), whole, np.zeros_like(whole), k, k,
         (cell_m, NOISE_M, limit, relief_limit, 0.3), NO_GEAR.contacts_m, NO_GEAR.limits,
-        (0, rows, 0, wide), maps.ravel(), 0, rows * wide, wide, states, 0,
+        (0, rows, 0, wide), maps.ravel(), 0, rows * wide, wide, states, 0, np.full_like(whole, ALL), levels,
     )  # fmt: skip
     return maps[2:7, :, :cols]
 
