@@ -43,7 +43,7 @@ from slz.terrain.layers import LAYERS, NAMED
 from slz.terrain.terrain_maps import SAFE
 from slz.terrain.terrain_view import UnboundedTerrain, cells_within
 from slz.terrain.thin_objects import ThinObjects
-from slz.terrain.tiled_raster import Block, TiledLayers
+from slz.terrain.tiled_raster import Pools, TiledLayers
 from slz.terrain.tiles import SERIALS, Change, Hits, Noise, Tiles
 from slz.tile_keys import Key, box_of_tile
 
@@ -100,7 +100,7 @@ class EvidenceTerrain(UnboundedTerrain):
         self.pinned: frozenset[Key] = frozenset()
         self.noise = Noise(parameters.range_noise_m, math.radians(parameters.angle_noise_deg))
         self._parameters = parameters
-        self._maps = TiledLayers([layer.empty for layer in LAYERS], self.tiles.capacity >> 2 * level)
+        self._maps = TiledLayers([layer.empty for layer in LAYERS], 2 * self.tiles.capacity >> 2 * level)
         self.serial = next(SERIALS)
         self.changed_tiles: set[Key] = set()
         self._seen = Box(0, 0, 0, 0)
@@ -394,7 +394,7 @@ class EvidenceTerrain(UnboundedTerrain):
             return UNKNOWN_SURFACE
         return self.surface.here(float(enu_m[0]), float(enu_m[1]), around_m)
 
-    def tiles_within(self, box: Box) -> tuple[Box, NDArray[np.int32], NDArray[np.int64], Iterator[Block]]:
+    def tiles_within(self, box: Box) -> tuple[Box, NDArray[np.int32], NDArray[np.int64], Pools]:
         """Return a box in the tiling's rows and columns, and `TiledLayers.within` of it."""
         there = self._everywhere(box)
         return there, *self._maps.within(there)

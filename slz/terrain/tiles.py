@@ -21,10 +21,11 @@ from slz.kernels.cells.accumulate import (
     sorted_by_tile,
 )
 from slz.kernels.cells.cell_record import COUNT, FIELDS, TILE, TIME
-from slz.kernels.cells.cell_statistics import summarise
+from slz.kernels.cells.cell_statistics import stretches, summarise
 from slz.kernels.points.clutter import ground_and_rays
 from slz.terrain.demand_zero import prefault_range
 from slz.tile_keys import Key, box_of_tile, keys_over, tiles_over
+from slz.tile_store import TileStore
 
 TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
 LINE_BYTES = 64  # of a cache line; the size of a cell's evidence
@@ -84,16 +85,15 @@ class Tiles:
         self.west_m, self.south_m, self.cell_m = west_m, south_m, cell_m
         capacity = max(LEAST_CAPACITY, int(budget_bytes // TILE_BYTES))
         self._pool = _aligned((capacity, TILE, TILE, 2, FIELDS))
-        self._slot: dict[Key, int] = {}
+        self._store = TileStore(capacity)
         self._last_s: dict[Key, float] = {}
-        self._free = list(range(capacity))[::-1]
         self.datum_m = 0.0
         """Height of the zero of the stored heights: not included in them, added on output."""
         self.latest_s = 0.0
         self._epoch_s: float | None = None
 
     def __len__(self) -> int:
-        return len(self._slot)
+        return len(self._store)
 
     @property
     def capacity(self) -> int:
@@ -102,12 +102,12 @@ class Tiles:
     @property
     def n_free(self) -> int:
         """Number of tiles left in the budget."""
-        return len(self._free)
+        return self._store.n_free
 
     @property
     def boxes(self) -> tuple[Box, ...]:
         """Boxes of all tiles held."""
-        return tuple(box_of_tile(key) for key in self._slot)
+        return tuple(box_of_tile(key) for key in self._store.slot)
 
     def now_s(self, stamp_s: float) -> float:
         """Return the time since the first stamp; single precision keeps it to milliseconds for hours.
@@ -150,7 +150,7 @@ class Tiles:
         cells, samples = sorted_by_tile(
             points_enu_m, at, sensor_enu_m, noise.range_m, noise.angle_rad, *corner, count
         )
-        table, hit_boxes = self._table(corner, shape), np.zeros((*shape, 4), np.int64)
+        table, hit_boxes = self._store.table(Box(*hit)), np.zeros((*shape, 4), np.int64)
         hits = np.zeros((*shape, TILE), np.uint64)
         used = accumulate(
             cells, samples, count, *corner, now_s, hold_s, max_age_s, self._pool, table, hit_boxes, hits
@@ -162,38 +162,34 @@ class Tiles:
         self, wanted: list[Key], sensor_enu_m: NDArray[np.float64], now_s: float, pinned: Collection[Key]
     ) -> tuple[Key, ...]:
         """Allocate the wanted tiles, the nearest to the sensor first; return the evicted tiles."""
-        here = [key for key in wanted if key in self._slot]
+        store = self._store
+        here = [key for key in wanted if key in store.slot]
         for key in here:
             self._last_s[key] = now_s
-        new = [key for key in wanted if key not in self._slot]
-        if len(new) > len(self._free):
-            new.sort(key=lambda key: self._distance_m(key, sensor_enu_m))
+        new = [key for key in wanted if key not in store.slot]
         old: Iterator[Key] = iter(())
-        if len(new) > len(self._free):
+        if len(new) > store.n_free:
+            new.sort(key=lambda key: self._distance_m(key, sensor_enu_m))
             kept = set(here) | set(pinned)
-            old = iter(sorted((k for k in self._slot if k not in kept), key=lambda k: (self._last_s[k], k)))
+            old = iter(sorted((k for k in store.slot if k not in kept), key=lambda k: (self._last_s[k], k)))
         evicted = []
         for key in new:
-            if not self._free:
+            if not store.n_free:
                 victim = next(old, None)
                 if victim is None:
                     break
                 evicted.append(victim)
-                self._give_up(victim)
-            self._slot[key], self._last_s[key] = self._free.pop(), now_s
+                self._pool[store.drop(victim)] = 0
+                del self._last_s[victim]
+            store.take(key)
+            self._last_s[key] = now_s
         return tuple(evicted)
 
     def prepare(self, count: int) -> None:
         """Prefault the memory of `count` more tiles."""
         rows = self._pool.reshape(self.capacity, TILE * TILE, -1)
-        for slot in self._free[len(self._free) - count :]:
+        for slot in self._store.next_free(count):
             prefault_range(rows, slice(slot, slot + 1), slice(0, TILE * TILE))
-
-    def _give_up(self, key: Key) -> None:
-        slot = self._slot.pop(key)
-        del self._last_s[key]
-        self._pool[slot] = 0
-        self._free.append(slot)
 
     def _distance_m(self, key: Key, sensor_enu_m: NDArray[np.float64]) -> tuple[float, Key]:
         east = self.west_m + (key[1] + 0.5) * TILE * self.cell_m - sensor_enu_m[0]
@@ -201,27 +197,18 @@ class Tiles:
         distance = math.hypot(east, north)
         return (0.0 if math.isnan(distance) else distance), key
 
-    def _table(self, corner: Key, shape: tuple[int, int]) -> NDArray[np.int32]:
-        """Return the slot of every tile of a rectangle of tiles, -1 where there is none."""
-        rows, cols = shape
-        keys = ((corner[0] + r, corner[1] + c) for r in range(rows) for c in range(cols))
-        return np.array([self._slot.get(key, -1) for key in keys], np.int32).reshape(shape)
-
     def read(self, box: Box) -> NDArray[np.float32]:
         """Return a copy (rows, cols, 2, FIELDS) of the evidence of a box; zero where nothing was seen."""
         out = np.zeros((*box.shape, 2, FIELDS), np.float32)
-        corner, shape = tiles_over(box)
-        copy_evidence(self._pool, self._table(corner, shape), *corner, box.row0, box.col0, out)
+        corner, _ = tiles_over(box)
+        copy_evidence(self._pool, self._store.table(box), *corner, box.row0, box.col0, out)
         return out
 
     def summary(self, box: Box, max_age_s: float) -> NDArray[np.float32]:
         """Return `slz.kernels.cells.cell_statistics.summarise` of the cells of a box at the latest stamp."""
-        corner, shape = tiles_over(box)
-        rows = np.arange(box.row0, box.row1)
-        slots = self._table(corner, shape)[rows // TILE - corner[0]].astype(np.int64)
-        places = np.where(slots < 0, -1, (slots * TILE + (rows % TILE)[:, None]) * TILE)
-        first = box.col0 - corner[1] * TILE
-        return summarise(self._pool.reshape(-1), places, first, box.shape[1], self.latest_s, max_age_s)
+        places = stretches(self._store.table(box), box.row0, box.row1)
+        cols = box.col0 % TILE, box.shape[1]
+        return summarise(self._pool.reshape(-1), places, *cols, self.latest_s, max_age_s)
 
     def oldest_s(self, key: Key, since_s: float) -> float:
         """Return the last seen time of the tile's cell not seen for longest; infinity for none.
@@ -231,7 +218,7 @@ class Tiles:
         since_s
             Cells last seen before this time, by more than rounding, do not count.
         """
-        slot = self._slot.get(key)
+        slot = self._store.slot.get(key)
         if slot is None:
             return math.inf
         seen_s = self._pool[slot, :, :, 1, TIME][self._pool[slot, :, :, 0, COUNT] > 0]
@@ -239,10 +226,7 @@ class Tiles:
 
     def differences(self, points_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (m, 4) of the points over known cells: east, north, height above the mean, and index."""
-        if not self._slot or not len(points_enu_m):
-            return np.empty((0, 4))
-        corner, table = self._table_under(points_enu_m)
-        return differences(points_enu_m, self.west_m, self.south_m, self.cell_m, *corner, self._pool, table)
+        return differences(points_enu_m, *self._place, self._pool, self._store.directory)
 
     def contradicted_by(
         self,
@@ -252,40 +236,21 @@ class Tiles:
         least_m: float,
     ) -> NDArray[np.bool_]:
         """Return which points are higher over known ground than noise and `least_m` explain."""
-        if not self._slot or not len(points_enu_m):
-            return np.zeros(len(points_enu_m), bool)
-        corner, table = self._table_under(points_enu_m)
-        place = (self.west_m, self.south_m, self.cell_m, *corner)
-        return contradicts(points_enu_m, sensor_enu_m, least_m, noise.angle_rad, *place, self._pool, table)
+        limits, held = (least_m, noise.angle_rad), (self._pool, self._store.directory)
+        return contradicts(points_enu_m, sensor_enu_m, *limits, *self._place, *held)
 
     def ground_and_rays(self, points_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (n, 2) of `slz.kernels.points.clutter.ground_and_rays`."""
-        if not self._slot or not len(points_enu_m):
-            return np.full((len(points_enu_m), 2), (np.nan, 0.0))
-        points_enu_m = np.ascontiguousarray(points_enu_m)
-        corner, table = self._table_under(points_enu_m)
-        place = (self.west_m, self.south_m, self.cell_m, *corner)
-        return ground_and_rays(points_enu_m, *place, self._pool, table)
+        return ground_and_rays(points_enu_m, *self._place, self._pool, self._store.directory)
 
-    def _table_under(self, points_enu_m: NDArray[np.float64]) -> tuple[Key, NDArray[np.int32]]:
-        """Return the first tile and the slots of a rectangle that holds all tiles under some points.
-
-        The rectangle is no larger than the ground under the points, however far apart the tiles are.
-        """
-        keys = np.array(list(self._slot))
-        east_m, north_m, size_m = points_enu_m[:, 0], points_enu_m[:, 1], TILE * self.cell_m
-        south_west = np.array([self.south_m, self.west_m])
-        first = np.floor((np.array([north_m.min(), east_m.min()]) - south_west) / size_m)
-        last = np.floor((np.array([north_m.max(), east_m.max()]) - south_west) / size_m)
-        low = np.maximum(keys.min(axis=0), first).astype(np.int64)
-        high = np.minimum(keys.max(axis=0), last).astype(np.int64) + 1
-        corner, shape = (int(low[0]), int(low[1])), (int(high[0] - low[0]), int(high[1] - low[1]))
-        return corner, self._table(corner, (max(0, shape[0]), max(0, shape[1])))
+    @property
+    def _place(self) -> tuple[float, float, float]:
+        return self.west_m, self.south_m, self.cell_m
 
     def any_near(self, key: Key, level: int) -> bool:
         """Return whether a tile of a level's maps covers a tile held, or one next to it."""
         rows, cols = (range((k << level) - 1, ((k + 1) << level) + 1) for k in key)
-        return any((row, col) in self._slot for row in rows for col in cols)
+        return any((row, col) in self._store.slot for row in rows for col in cols)
 
     def keys_over(self, box: Box) -> tuple[Key, ...]:
         """Return the keys of the tiles that a box of cells touches, held or not."""

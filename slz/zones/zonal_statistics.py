@@ -69,7 +69,7 @@ def _by_tiles(
     candidate: Candidate, terrain: EvidenceTerrain, old: Candidate | None, known: ZonalStatistics | None
 ) -> ZonalStatistics:
     own, content, wide = candidate.own_bits, candidate.content_bits, candidate.words_box
-    there, table, versions, blocks = terrain.tiles_within(wide)
+    there, table, versions, pools = terrain.tiles_within(wide)
     if there.col0 % TILE:
         raise ValueError("the words of a candidate must be rows of the terrain's tiles: see `safe_bits`")
     holes, parts = np.zeros_like(content), np.zeros((*table.shape, ZONAL_STATISTICS))
@@ -80,11 +80,10 @@ def _by_tiles(
             there.row0, versions, own, content, down, right,
             known.versions, old.own_bits, old.content_bits, known.parts, known.holes, wanted, parts, holes,
         )  # fmt: skip
-    for block in blocks:
-        zonal_sums_of_tiles(
-            block.layers, block.states, block.first, table, wanted, there.row0, *PLACES, SAFE, UNSAFE,
-            own, content, parts, holes,
-        )  # fmt: skip
+    zonal_sums_of_tiles(
+        pools.layers, pools.states, table, wanted, there.row0, *PLACES, SAFE, UNSAFE,
+        own, content, parts, holes,
+    )  # fmt: skip
     return ZonalStatistics(_total(parts), holes, parts, versions, unchanged)
 
 

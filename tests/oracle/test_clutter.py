@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.stats import poisson
 
 from slz.kernels.cells.cell_record import COUNT, FIELDS, MEAN, TILE
+from slz.kernels.cells.tile_directory import enter
 from slz.kernels.points.clutter import by_chance, ground_and_rays
 from slz.kernels.points.isolated_record import (
     BAND,
@@ -190,7 +191,10 @@ def test_ground_and_rays_are_those_of_the_cells_around() -> None:
     corner, west, south = np.array([-2, 5]), 7.0, -3.0  # first row and column of tiles; where they count from
     first = corner[::-1] * TILE * cell + np.array([west, south])
     points = np.column_stack([first + rng.uniform(-1, size + 1, (2000, 2)), rng.normal(0, 2, 2000)])
-    told = ground_and_rays(points, west, south, cell, *corner.tolist(), pool, table)
+    directory = np.full((32, 3), -1, np.int32)
+    for r, c in np.argwhere(table >= 0).tolist():
+        enter(directory, int(corner[0]) + r, int(corner[1]) + c, int(table[r, c]))
+    told = ground_and_rays(points, west, south, cell, pool, directory)
     edge = 10  # cells without evidence on all sides
     whole = np.zeros((tiles[0] * TILE + 2 * edge, tiles[1] * TILE + 2 * edge, 2, FIELDS), np.float32)
     for r, c in np.argwhere(table >= 0):

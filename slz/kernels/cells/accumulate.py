@@ -28,6 +28,7 @@ from slz.kernels.cells.cell_record import (
     TILE_BITS,
     TIME,
 )
+from slz.kernels.cells.tile_directory import Directory, slot_at
 from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.simd import LANES, load, prefetch, store
 
@@ -356,15 +357,6 @@ def copy_evidence(
 
 
 @kernel_part
-def slot_at(row: int, col: int, tile_row: int, tile_col: int, table: Strided2D[np.int32]) -> int:
-    """Return the slot of a cell's tile, -1 where there is none; `table` begins at (tile_row, tile_col)."""
-    r, c = (row >> TILE_BITS) - tile_row, (col >> TILE_BITS) - tile_col
-    if r < 0 or c < 0 or r >= table.shape[0] or c >= table.shape[1]:
-        return -1
-    return int(table[r, c])
-
-
-@kernel_part
 def mean_height(now: Strided1D[np.float32], before: Strided1D[np.float32]) -> np.float32:
     """Return the mean height of both epochs of a cell that was hit."""
     return np.float32((now[COUNT] * now[MEAN] + before[COUNT] * before[MEAN]) / (now[COUNT] + before[COUNT]))
@@ -379,10 +371,8 @@ def contradicts(
     west: float,
     south: float,
     cell: float,
-    tile_row: int,
-    tile_col: int,
     pool: Strided5D[np.float32],
-    table: Strided2D[np.int32],
+    directory: Directory,
 ) -> Strided1D[np.bool_]:
     """Return which points are higher than the known ground of their cell by more than noise explains.
 
@@ -392,7 +382,7 @@ def contradicts(
     for i in range(len(points)):
         c = int(np.floor((points[i, 0] - west) / cell))
         r = int(np.floor((points[i, 1] - south) / cell))
-        slot = slot_at(r, c, tile_row, tile_col, table)
+        slot = slot_at(directory, r, c)
         if slot < 0:
             continue
         held = pool[slot, r & (TILE - 1), c & (TILE - 1)]
@@ -410,10 +400,8 @@ def differences(
     west: float,
     south: float,
     cell: float,
-    tile_row: int,
-    tile_col: int,
     pool: Strided5D[np.float32],
-    table: Strided2D[np.int32],
+    directory: Directory,
 ) -> Strided2D[np.float64]:
     """Return (m, 4) east, north, height above the cell's mean, and index, of the points over known cells."""
     out = np.empty((len(points), 4))
@@ -421,7 +409,7 @@ def differences(
     for i in range(len(points)):
         c = int(np.floor((points[i, 0] - west) / cell))
         r = int(np.floor((points[i, 1] - south) / cell))
-        slot = slot_at(r, c, tile_row, tile_col, table)
+        slot = slot_at(directory, r, c)
         if slot < 0:
             continue
         held = pool[slot, r & (TILE - 1), c & (TILE - 1)]

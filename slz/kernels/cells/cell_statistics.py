@@ -21,6 +21,7 @@ from slz.kernels.cells.cell_record import (
     SPREAD,
     SUMMARY_LAYERS,
     TILE,
+    TILE_BITS,
     TIME,
     TOP,
     WEIGHT,
@@ -290,6 +291,17 @@ def summarise(
                 for i in range(n):
                     whole[layer * size + to + i] = row[layer * LANES + i]
     return whole.reshape(SUMMARY_LAYERS, rows, cols)
+
+
+@kernel
+def stretches(table: Array2D[np.int32], row0: int, row1: int) -> Array2D[np.int64]:
+    """Return `places` of `summarise` for rows of cells of a rectangle of tiles, from their slots."""
+    out = np.empty((row1 - row0, table.shape[1]), np.int64)
+    for r in range(row0, row1):
+        for c in range(table.shape[1]):
+            slot = np.int64(table[(r >> TILE_BITS) - (row0 >> TILE_BITS), c])
+            out[r - row0, c] = -1 if slot < 0 else (slot * TILE + (r & (TILE - 1))) * TILE
+    return out
 
 
 def summary(evidence: NDArray[np.float32], now_s: float, max_age_s: float) -> Layers:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
+from slz.kernels.cells.tile_directory import Directory, slot_at
 from slz.kernels.jit import kernel, kernel_for_any_types, kernel_part
 from slz.kernels.raster.bitmap import ALL, NONE, Bits, word_at, word_mask
 
@@ -27,8 +28,7 @@ def _copy(there: Values, at: int, here: Values, first: int, n: int) -> None:
 
 @kernel_for_any_types
 def _move(
-    block: Values,
-    first: int,
+    pool: Values,
     table: Table,
     layer: int,
     row0: int,
@@ -36,19 +36,19 @@ def _move(
     cells: Values,
     inwards: bool,
 ) -> None:
-    """Copy (rows, cols) cells of a layer to those of its tiles that are in a block, or from them."""
+    """Copy (rows, cols) cells of a layer to those of its tiles that are held, or from them."""
     rows, cols = cells.shape
-    flat, given = block.ravel(), cells.ravel()
+    flat, given = pool.ravel(), cells.ravel()
     tile_row, tile_col = row0 >> TILE_BITS, col0 >> TILE_BITS
     for tr in range(table.shape[0]):
         south = (tile_row + tr) << TILE_BITS
         for tc in range(table.shape[1]):
-            slot = table[tr, tc] - first
-            if slot < 0 or slot >= len(block):
+            slot = table[tr, tc]
+            if slot < 0:
                 continue
             west = (tile_col + tc) << TILE_BITS
             c0, c1 = max(col0, west), min(col0 + cols, west + TILE)
-            held = (slot * block.shape[1] + layer) * TILE
+            held = (slot * pool.shape[1] + layer) * TILE
             for r in range(max(row0, south), min(row0 + rows, south + TILE)):
                 there, here = (held + r - south) * TILE + c0 - west, (r - row0) * cols + c0 - col0
                 if inwards:
@@ -58,51 +58,47 @@ def _move(
 
 
 @kernel
-def put_layers(
-    block: Array4D[Value], first: int, table: Table, row0: int, col0: int, values: Array3D[Value]
-) -> None:
-    """Write (layers, rows, cols) of a box to those of its tiles that are in a block.
+def put_layers(pool: Array4D[Value], table: Table, row0: int, col0: int, values: Array3D[Value]) -> None:
+    """Write (layers, rows, cols) of a box to those of its tiles that are held.
 
     Parameters
     ----------
-    block
-        (tiles, layers, TILE, TILE), the first with slot `first`.
+    pool
+        (slots, layers, TILE, TILE).
     table
         Slots of all tiles that the box touches, -1 for none.
     row0, col0
         South-west corner of the box.
     """
     for layer in range(len(values)):
-        _move(block, first, table, layer, row0, col0, values[layer], True)
+        _move(pool, table, layer, row0, col0, values[layer], True)
 
 
 @kernel
 def copy_layer(
-    block: Array4D[Value], first: int, table: Table, layer: int, row0: int, col0: int, out: Array2D[Value]
+    pool: Array4D[Value], table: Table, layer: int, row0: int, col0: int, out: Array2D[Value]
 ) -> None:
-    """Copy one layer of a box from those of its tiles that are in a block, see `put_layers`."""
-    _move(block, first, table, layer, row0, col0, out, False)
+    """Copy one layer of a box from those of its tiles that are held, see `put_layers`."""
+    _move(pool, table, layer, row0, col0, out, False)
 
 
 @kernel
-def set_bits(
-    block: Array4D[np.uint8], first: int, table: Table, row0: int, value: np.uint8, out: Bits
-) -> None:
-    """Set the bits of the cells that hold a value, from the tiles in a block; a word is a row of a tile.
+def set_bits(pool: Array4D[np.uint8], table: Table, row0: int, value: np.uint8, out: Bits) -> None:
+    """Set the bits of the cells that hold a value, from the tiles held; a word is a row of a tile.
 
     Parameters
     ----------
-    block, first, table
+    pool, table
         As in `put_layers`, with one layer.
     out
         Rows from row0 on, and a word for each column of the table.
     """
-    flat = block.ravel()
+    flat = pool.ravel()
     for tr in range(table.shape[0]):
         south = ((row0 >> TILE_BITS) + tr) << TILE_BITS
         for tc in range(table.shape[1]):
-            slot = table[tr, tc] - first
-            if slot < 0 or slot >= len(block):
+            slot = table[tr, tc]
+            if slot < 0:
                 continue
             for r in range(max(row0, south), min(row0 + len(out), south + TILE)):
                 at, word = np.uint64((slot * TILE + r - south) * TILE), NONE
@@ -112,35 +108,21 @@ def set_bits(
 
 
 @kernel
-def reach_of(cells: Array2D[np.int32]) -> tuple[int, int, int, int]:
-    """Return the bounding box row0, row1, col0, col1 (half open) of at least one cell, (n, 2)."""
-    row0 = row1 = cells[0, 0]
-    col0 = col1 = cells[0, 1]
-    for i in range(len(cells)):
-        r, c = cells[i, 0], cells[i, 1]
-        row0, row1, col0, col1 = min(row0, r), max(row1, r), min(col0, c), max(col1, c)
-    return row0, row1 + 1, col0, col1 + 1
-
-
-@kernel
 def copy_cells(
-    block: Array4D[np.float32],
-    first: int,
-    table: Table,
+    pool: Array4D[np.float32],
+    directory: Directory,
     layer: int,
-    row0: int,
-    col0: int,
     cells: Array2D[np.int32],
     down: int,
     right: int,
     out: Array1D[np.float32],
 ) -> None:
-    """Copy one layer of (n, 2) cells, shifted down and right, from a box's tiles that are in a block."""
+    """Copy one layer of (n, 2) cells, shifted down and right, where their tiles are held."""
     for i in range(len(cells)):
         r, c = cells[i, 0] + down, cells[i, 1] + right
-        slot = table[(r >> TILE_BITS) - (row0 >> TILE_BITS), (c >> TILE_BITS) - (col0 >> TILE_BITS)] - first
-        if 0 <= slot < len(block):
-            out[i] = block[slot, layer, r & (TILE - 1), c & (TILE - 1)]
+        slot = slot_at(directory, r, c)
+        if slot >= 0:
+            out[i] = pool[slot, layer, r & (TILE - 1), c & (TILE - 1)]
 
 
 @kernel_part
@@ -154,33 +136,30 @@ def or_word(out: Bits, row: int, col: int, word: np.uint64) -> None:
 
 
 @kernel
-def copy_bits(
-    block: Array3D[np.uint64], which: int, first: int, table: Table, row0: int, col0: int, out: Bits
-) -> None:
-    """Set the bits of a box from the bitmaps of those of its tiles that are in a block.
+def copy_bits(pool: Array3D[np.uint64], which: int, table: Table, row0: int, col0: int, out: Bits) -> None:
+    """Set the bits of a box from the bitmaps of those of its tiles that are held.
 
     Parameters
     ----------
-    block, which
-        (tiles, bitmaps, TILE), a word for each row of a tile, and the bitmap to copy.
+    pool, which
+        (slots, bitmaps, TILE), a word for each row of a tile, and the bitmap to copy.
     out
         Bits of the box; its last words may extend beyond, and get the bits there of the table's tiles.
     """
     for tr in range(table.shape[0]):
         south = ((row0 >> TILE_BITS) + tr) << TILE_BITS
         for tc in range(table.shape[1]):
-            slot, west = table[tr, tc] - first, ((col0 >> TILE_BITS) + tc) << TILE_BITS
-            if slot < 0 or slot >= len(block):
+            slot, west = table[tr, tc], ((col0 >> TILE_BITS) + tc) << TILE_BITS
+            if slot < 0:
                 continue
             for r in range(max(row0, south), min(row0 + len(out), south + TILE)):
-                or_word(out, r - row0, west - col0, block[slot, which, r - south])
+                or_word(out, r - row0, west - col0, pool[slot, which, r - south])
 
 
 @kernel
 def put_bits(
-    block: Array3D[np.uint64],
+    pool: Array3D[np.uint64],
     which: int,
-    first: int,
     table: Table,
     row0: int,
     col0: int,
@@ -188,7 +167,7 @@ def put_bits(
     edge: int,
     cols: int,
 ) -> None:
-    """Write bits of a box to the bitmaps of those of its tiles that are in a block, see `copy_bits`.
+    """Write bits of a box to the bitmaps of those of its tiles that are held, see `copy_bits`.
 
     Parameters
     ----------
@@ -199,14 +178,14 @@ def put_bits(
     for tr in range(table.shape[0]):
         south = ((row0 >> TILE_BITS) + tr) << TILE_BITS
         for tc in range(table.shape[1]):
-            slot, west = table[tr, tc] - first, ((col0 >> TILE_BITS) + tc) << TILE_BITS
-            if slot < 0 or slot >= len(block) or west >= col0 + cols or west + TILE <= col0:
+            slot, west = table[tr, tc], ((col0 >> TILE_BITS) + tc) << TILE_BITS
+            if slot < 0 or west >= col0 + cols or west + TILE <= col0:
                 continue
             mask = word_mask(col0 - west, col0 + cols - west)
             for r in range(max(row0, south), min(row0 + rows, south + TILE)):
                 word = word_at(bits, edge + r - row0, edge + west - col0)
-                held = block[slot, which, r - south]
-                block[slot, which, r - south] = (held & (ALL ^ mask)) | (word & mask)
+                held = pool[slot, which, r - south]
+                pool[slot, which, r - south] = (held & (ALL ^ mask)) | (word & mask)
 
 
 @kernel

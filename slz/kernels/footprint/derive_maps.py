@@ -187,42 +187,41 @@ def derive_tiles(
     limits: Limits,
     contacts: Contacts,
     gear: GearLimits,
-    block: Array4D[np.float32],
+    pool: Array4D[np.float32],
     states: Array4D[np.uint8],
     levels: Array3D[np.float32],
-    first: int,
     table: Table,
     row0: int,
     col0: int,
     dirty: Bits,
 ) -> int:
-    """Derive the maps of all cells but a margin, and write them to those of their tiles that are in a block.
+    """Derive the maps of all cells but a margin, and write them to those of their tiles that are held.
 
     Return how many were derived.
 
     Parameters
     ----------
-    block, states, levels, first, table
-        (tiles, layers, TILE, TILE), (tiles, 1, TILE, TILE) and (tiles, TILE / 2, TILE / COLS), slot of their
-        first tile, and slots of all tiles that the box touches.
+    pool, states, levels, table
+        (slots, layers, TILE, TILE), (slots, 1, TILE, TILE) and (slots, TILE / 2, TILE / COLS), and the slots
+        of all tiles that the box touches, -1 for none.
     row0, col0
         South-west corner of the box, in the rows and columns of the tiling.
     dirty
         Cells that may change, with a margin as the others have.
     """
     n, rows, cols, high = 0, cells.shape[1] - 2 * edge, cells.shape[2] - 2 * edge, rows_of_patch(radius)
-    inverse, maps, flat_states, size = inverses(cells), block.ravel(), states.ravel(), TILE * TILE
+    inverse, maps, flat_states, size = inverses(cells), pool.ravel(), states.ravel(), TILE * TILE
     for tr in range(table.shape[0]):
         south = (((row0 >> TILE_BITS) + tr) << TILE_BITS) - row0
         for tc in range(table.shape[1]):
-            slot, west = table[tr, tc] - first, (((col0 >> TILE_BITS) + tc) << TILE_BITS) - col0
-            if slot < 0 or slot >= len(block):
+            slot, west = table[tr, tc], (((col0 >> TILE_BITS) + tc) << TILE_BITS) - col0
+            if slot < 0:
                 continue
             box = max(0, south), min(rows, south + TILE), max(0, west), min(cols, west + TILE)
             at = (box[0] - south) * TILE + box[2] - west
             n += derive_box(
                 cells, inverse, covered, unseen, edge, radius, limits, contacts, gear, box,
-                maps, slot * block.shape[1] * size + at, size, TILE, flat_states, slot * size + at, dirty,
+                maps, slot * pool.shape[1] * size + at, size, TILE, flat_states, slot * size + at, dirty,
                 levels[slot][(box[0] - south) // high :, (box[2] - west) // COLS :],
             )  # fmt: skip
     return n

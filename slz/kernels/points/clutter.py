@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array2D, Array3D, Array5D, Strided2D
-from slz.kernels.cells.accumulate import slot_at
 from slz.kernels.cells.cell_record import (
     BOTTOM,
     COUNT,
@@ -19,6 +18,7 @@ from slz.kernels.cells.cell_record import (
     TOP,
     WEIGHT,
 )
+from slz.kernels.cells.tile_directory import Directory, slot_at
 from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.points.isolated_record import MOST_OTHERS
 
@@ -33,10 +33,8 @@ def ground_and_rays(
     west: float,
     south: float,
     cell: float,
-    tile_row: int,
-    tile_col: int,
     pool: Array5D[np.float32],
-    table: Strided2D[np.int32],
+    directory: Directory,
 ) -> Array2D[np.float64]:
     """Return (n, 2) height over the nearest ground and rays per m² that reached ground.
 
@@ -47,7 +45,7 @@ def ground_and_rays(
     ----------
     points
         (n, 3), in the heights of the evidence.
-    tile_row, tile_col, pool, table
+    pool, directory
         Evidence, see `slz.terrain.tiles.Tiles`.
     """
     out, away = np.empty((len(points), 2)), np.empty(CELLS)
@@ -57,10 +55,10 @@ def ground_and_rays(
         r0 = int(np.floor((points[i, 1] - south) / cell)) - AROUND
         k, count = 0, 0.0
         for r in range(r0, r0 + SIDE):
-            slot = slot_at(r, c0, tile_row, tile_col, table)
+            slot = slot_at(directory, r, c0)
             for c in range(c0, c0 + SIDE):
                 if c & (TILE - 1) == 0:
-                    slot = slot_at(r, c, tile_row, tile_col, table)
+                    slot = slot_at(directory, r, c)
                 now[k] = 0
                 if slot >= 0:
                     held = pool[slot, r & (TILE - 1), c & (TILE - 1)]

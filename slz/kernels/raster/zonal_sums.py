@@ -126,7 +126,6 @@ def zonal_sums(
 def zonal_sums_of_tiles(
     layers: Array4D[np.float32],
     states: Array4D[np.uint8],
-    first: int,
     table: Array2D[np.int32],
     wanted: Array2D[np.bool_],
     row0: int,
@@ -140,11 +139,11 @@ def zonal_sums_of_tiles(
     statistics: Array3D[np.float64],
     holes: Bits,
 ) -> None:
-    """Compute `zonal_sums` for each wanted tile of a zone that is in a block.
+    """Compute `zonal_sums` for each wanted tile of a zone that is held.
 
     Parameters
     ----------
-    layers, states, first, table
+    layers, states, table
         As in `put_layers`; certainty, slope and roughness are indices of layers.
     own, content, holes
         Rows from row0 on, in words that are rows of tiles.
@@ -156,8 +155,8 @@ def zonal_sums_of_tiles(
     for tr in range(table.shape[0]):
         south = ((row0 >> TILE_BITS) + tr) << TILE_BITS
         for tc in range(table.shape[1]):
-            slot = table[tr, tc] - first
-            if slot < 0 or slot >= len(layers) or not wanted[tr, tc]:
+            slot = table[tr, tc]
+            if slot < 0 or not wanted[tr, tc]:
                 continue
             sums[:] = 0.0
             held = slot * layers.shape[1]

@@ -30,11 +30,11 @@ def test_bits_written_to_tiles_are_read_from_any_box(seed: int) -> None:
         row0, col0 = rng.integers(0, 2 * TILE, 2)
         rows, cols, edge = rng.integers(1, TILE), rng.integers(1, TILE), rng.integers(0, 9)
         given = rng.random((rows + 2 * edge, cols + 2 * edge)) < 0.4
-        put_bits(block, 1, 0, table_from(row0, col0), row0, col0, packed(given.astype(np.uint8)), edge, cols)
+        put_bits(block, 1, table_from(row0, col0), row0, col0, packed(given.astype(np.uint8)), edge, cols)
         whole[row0 : row0 + rows, col0 : col0 + cols] = given[edge : edge + rows, edge : edge + cols]
         low = rng.integers(0, TILE, 2)
         out = np.zeros((100, 2), np.uint64)
-        copy_bits(block, 1, 0, table_from(*low), *low.tolist(), out)
+        copy_bits(block, 1, table_from(*low), *low.tolist(), out)
         assert np.array_equal(dense(out, 100), whole[low[0] : low[0] + 100, low[1] : low[1] + 100])
     assert not block[:, 0].any()
 
