@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
+from slz.kernels.surface.surface_record import CANOPY, KIND, LOW_VEGETATION, RAISED, ROOF, WATER
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere, SurfaceKind
 
-N_LAYERS = 7
-WATER, ROOF, LOW_VEGETATION, CANOPY, RAISED, KIND, SHAPE = range(N_LAYERS)
 PROBABLE = {
     SurfaceKind.WATER: WATER,
     SurfaceKind.ROOF: ROOF,
@@ -20,13 +19,17 @@ PROBABLE = {
 }
 
 
+def refused_kinds(parameters: Parameters) -> NDArray[np.bool_]:
+    """Return whether the profile refuses to land on each `SurfaceKind`, whatever its shape."""
+    rules = {SurfaceKind.ROOF: parameters.roof, SurfaceKind.LOW_VEGETATION: parameters.vegetation}
+    return np.array([rules.get(kind) == "refuse" for kind in SurfaceKind])
+
+
 @dataclass(frozen=True, slots=True)
 class SurfaceLayers:
     """What a box of surface cells is.
 
-    values: (N_LAYERS, rows, cols) float32. WATER to CANOPY: probabilities, 0 where nothing was seen; the rest
-    is bare ground, where enough was seen. RAISED: height of a roof over the ground around (m). KIND: the
-    likeliest `SurfaceKind`. SHAPE: log odds for water that the level extent of the cell gives, 0 for none.
+    values: (N_LAYERS, rows, cols) float32 of `slz.kernels.surface.surface_record`.
     """
 
     values: NDArray[np.float32]
@@ -43,12 +46,7 @@ class SurfaceLayers:
 
     def refused(self, parameters: Parameters) -> NDArray[np.bool_]:
         """Return the cells on which no vehicle may land: water may be there, or what the profile refuses."""
-        p = parameters
-        out = self.values[WATER] > p.water_suspicion
-        for kind, rule in ((SurfaceKind.ROOF, p.roof), (SurfaceKind.LOW_VEGETATION, p.vegetation)):
-            if rule == "refuse":
-                out |= self.values[KIND] == kind
-        return np.asarray(out)
+        return np.asarray((self.water > parameters.water_suspicion) | refused_kinds(parameters)[self.kind])
 
     def here(self) -> SurfaceHere:
         """Return what the box is as a whole: its most frequent kind, and its worst suspicion of water."""

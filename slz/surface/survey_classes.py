@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from slz.surface.surface_cells import Floats
-
+Floats = NDArray[np.float32]
 SHARE = 0.5  # of a cell's points, from which on their class is that of the cell
 SCORE = 6.0  # log odds
 
@@ -23,6 +23,10 @@ class SurveyClasses:
     low_plant: Floats
     tall_plant: Floats
     total: Floats
+
+    def scores(self) -> Floats:
+        """Return the log odds for a roof and for plants, and the share of tall ones, (3, rows, cols)."""
+        return np.stack([self.for_roof(), self.for_plants(), self.tall_share()])
 
     def for_roof(self) -> Floats:
         """Return the log odds for a roof."""

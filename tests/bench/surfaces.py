@@ -25,7 +25,7 @@ from sitl.sensors.pulse_lidar import PulseLidar
 from sitl.sensors.vlp16 import Vlp16
 from sitl.truth.surface_class import SurfaceClass, surface_map
 from slz import SAFE, LocalFrame, Pipeline, PointAttributes, Scan, SurfaceKind, Window, join
-from slz.surface.classification import SCORE_WATER
+from slz.kernels.surface.weights_of_evidence import SCORE_WATER
 from slz.surface.surface_map import SurfaceMap
 
 Floats = NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array4D, Float32, ReadOnly1D
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.surface.surface_record import (
     ANSWER_M,
     APART_M,
@@ -36,6 +36,7 @@ from slz.kernels.surface.surface_record import (
     NO_MIRROR_DEG,
     OBLIQUE,
     OBLIQUE_DEG,
+    RECORD,
     REPORTED,
     SEVERAL,
     SLANTED,
@@ -62,16 +63,11 @@ MOST_DARK = np.float32(100)  # so that a change of the ground is seen
 F1, APART = np.float32(1), np.float32(APART_M)
 
 
-@kernel
-def tiles_hit(
-    points: Array2D[np.float64], west: float, south: float, cell: float, hit: Array2D[np.bool_]
-) -> None:
-    """Mark the tiles that hold a point; tile (0, 0) begins at (west, south), points elsewhere are skipped."""
-    rows, cols, side = hit.shape[0], hit.shape[1], cell * TILE
-    for i in range(len(points)):
-        r, c = np.floor((points[i, 1] - south) / side), np.floor((points[i, 0] - west) / side)
-        if r >= 0.0 and c >= 0.0 and r < rows and c < cols:
-            hit[int(r), int(c)] = True
+@kernel_part
+def _number_of(table: Array2D[np.int32], row: int, col: int) -> int:
+    """Return the number of a cell in the pool, negative for none."""
+    slot = int(table[row >> TILE_BITS, col >> TILE_BITS])
+    return (slot << 2 * TILE_BITS) + ((row & (TILE - 1)) << TILE_BITS) + (col & (TILE - 1))
 
 
 @kernel
@@ -105,64 +101,63 @@ def add_returns(
     echoes
         (n,) number of returns of the ray, 0 where unknown; or empty.
     table, pool
-        Slot of each tile, -1 for none, from (west, south) on, and (slots, TILE, TILE, SURFACE_FIELDS).
+        Slot of each tile, -1 for none, from (west, south) on, and (slots, TILE, TILE, RECORD).
     """
     rows, cols, known = table.shape[0] * TILE, table.shape[1] * TILE, len(origin) > 0
+    cells = pool.reshape(-1, RECORD)  # a view of a cell would cost as much as its sums
     for i in range(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         row, col = np.floor((y - south) / cell), np.floor((x - west) / cell)
         if not (row >= 0.0 and col >= 0.0 and row < rows and col < cols):
             continue
-        r, c = int(row), int(col)
-        slot = table[r >> TILE_BITS, c >> TILE_BITS]
-        if slot < 0:
+        k = _number_of(table, int(row), int(col))
+        if k < 0:
             continue
-        held = pool[slot, r & (TILE - 1), c & (TILE - 1)]
-        if now_s - held[TIME] > max_age_s:
+        if now_s - cells[k, TIME] > max_age_s:
             for f in range(SURFACE_FIELDS):
-                held[f] = 0
-        held[TIME] = now_s
+                cells[k, f] = 0
+        cells[k, TIME] = now_s
         if is_near[i]:
             h = np.float32(z)
-            if held[COUNT] > 0:
-                held[DEEP] += h < held[MEAN] - APART
-                held[TALL] += h > held[MEAN] + APART
-                held[LOW], held[HIGH] = min(held[LOW], h), max(held[HIGH], h)
+            if cells[k, COUNT] > 0:
+                cells[k, DEEP] += h < cells[k, MEAN] - APART
+                cells[k, TALL] += h > cells[k, MEAN] + APART
+                cells[k, LOW], cells[k, HIGH] = min(cells[k, LOW], h), max(cells[k, HIGH], h)
             else:
-                held[LOW] = held[HIGH] = h
-            held[COUNT] += F1
-            off = h - held[MEAN]
-            held[MEAN] += off / held[COUNT]
-            held[SQUARES] += off * (h - held[MEAN])
+                cells[k, LOW] = cells[k, HIGH] = h
+            cells[k, COUNT] += F1
+            off = h - cells[k, MEAN]
+            cells[k, MEAN] += off / cells[k, COUNT]
+            cells[k, SQUARES] += off * (h - cells[k, MEAN])
         if len(echoes) > 0 and echoes[i] > 0:
-            held[TOLD] += F1
-            held[SEVERAL] += echoes[i] > 1
+            cells[k, TOLD] += F1
+            cells[k, SEVERAL] += echoes[i] > 1
         if known:
             at = np.int64(origin[i])
             dx, dy, dz = x - origins[at, 0], y - origins[at, 1], origins[at, 2] - z
             tan2 = (dx * dx + dy * dy) / (dz * dz) if dz > 0.0 else np.inf
-            held[OBLIQUE] += tan2 >= OBLIQUE_TAN2
-            held[SLANTED] += SLANTED_TAN2 <= tan2 < OBLIQUE_TAN2
+            cells[k, OBLIQUE] += tan2 >= OBLIQUE_TAN2
+            cells[k, SLANTED] += SLANTED_TAN2 <= tan2 < OBLIQUE_TAN2
             if len(intensity) > 0 and intensity[i] == intensity[i]:
                 if DIFFUSE_TAN2 <= tan2 < FLATTEST_TAN2:
                     # A diffuse target is dimmer by the cosine.
                     dark = intensity[i] * np.sqrt(1 + tan2) < DARKEST
                     if dark:
-                        held[DARK] = min(MOST_DARK, held[DARK] + F1)
+                        cells[k, DARK] = min(MOST_DARK, cells[k, DARK] + F1)
                     elif tan2 >= NO_MIRROR_TAN2:
-                        held[DARK] = max(-MOST_DARK, held[DARK] - F1)
+                        cells[k, DARK] = max(-MOST_DARK, cells[k, DARK] - F1)
                 if is_near[i]:
                     if tan2 < NADIR_TAN2:
-                        held[NADIR] += F1
-                        held[NADIR_M] += (np.float32(z) - held[NADIR_M]) / held[NADIR]
-                        held[NADIR_LIGHT] += (intensity[i] - held[NADIR_LIGHT]) / held[NADIR]
+                        cells[k, NADIR] += F1
+                        cells[k, NADIR_M] += (np.float32(z) - cells[k, NADIR_M]) / cells[k, NADIR]
+                        cells[k, NADIR_LIGHT] += (intensity[i] - cells[k, NADIR_LIGHT]) / cells[k, NADIR]
                     elif ASIDE_TAN2 <= tan2 < OBLIQUE_TAN2:
-                        held[ASIDE] += F1
-                        held[ASIDE_M] += (np.float32(z) - held[ASIDE_M]) / held[ASIDE]
-                        held[ASIDE_LIGHT] += (intensity[i] - held[ASIDE_LIGHT]) / held[ASIDE]
-        if held[COUNT] > MOST_COUNT:
+                        cells[k, ASIDE] += F1
+                        cells[k, ASIDE_M] += (np.float32(z) - cells[k, ASIDE_M]) / cells[k, ASIDE]
+                        cells[k, ASIDE_LIGHT] += (intensity[i] - cells[k, ASIDE_LIGHT]) / cells[k, ASIDE]
+        if cells[k, COUNT] > MOST_COUNT:
             for f in range(SUMS):
-                held[f] *= np.float32(0.5)
+                cells[k, f] *= np.float32(0.5)
 
 
 @kernel
@@ -193,6 +188,7 @@ def add_lost(
         (n,), number of rays that each stands for.
     """
     rows, cols, n = table.shape[0] * TILE, table.shape[1] * TILE, 0
+    cells = pool.reshape(-1, RECORD)
     for i in range(len(rays)):
         east, north, up = origins[i, 0], origins[i, 1], origins[i, 2]
         dx, dy, dz = rays[i, 0] - east, rays[i, 1] - north, up - rays[i, 2]
@@ -201,35 +197,30 @@ def add_lost(
         tan2 = (dx * dx + dy * dy) / (dz * dz)
         if not (SLANTED_TAN2 <= tan2 <= FLATTEST_TAN2):
             continue
-        height, slot, r, c = ground_m, np.int32(-1), 0, 0
+        height, k = ground_m, -1
         for _ in range(2):
             t = (up - height) / dz
             row = np.floor((north + t * dy - south) / cell)
             col = np.floor((east + t * dx - west) / cell)
-            slot = np.int32(-1)
+            k = -1
             if not (t > 0.0 and row >= 0.0 and col >= 0.0 and row < rows and col < cols):
                 break
-            r, c = int(row), int(col)
-            slot = table[r >> TILE_BITS, c >> TILE_BITS]
-            if slot < 0:
+            k = _number_of(table, int(row), int(col))
+            if k < 0 or cells[k, COUNT] == 0:
                 break
-            held = pool[slot, r & (TILE - 1), c & (TILE - 1)]
-            if held[COUNT] == 0:
-                break
-            height = float(held[MEAN])
+            height = float(cells[k, MEAN])
         drop = up - height
         range2 = drop * drop * (1 + tan2)
-        if slot >= 0 and drop > 0.0 and range2 <= FARTHEST_M * FARTHEST_M:
+        if k >= 0 and drop > 0.0 and range2 <= FARTHEST_M * FARTHEST_M:
             share = min(1.0, ANSWER_M * ANSWER_M / range2)
             field = LOST_OBLIQUE if tan2 >= OBLIQUE_TAN2 else LOST_SLANTED
-            held = pool[slot, r & (TILE - 1), c & (TILE - 1)]
-            if now_s - held[TIME] > max_age_s:
+            if now_s - cells[k, TIME] > max_age_s:
                 for f in range(SURFACE_FIELDS):
-                    held[f] = 0
-            held[TIME] = now_s
-            held[field] += np.float32(weights[i] * share)
+                    cells[k, f] = 0
+            cells[k, TIME] = now_s
+            cells[k, field] += np.float32(weights[i] * share)
             if range2 <= SURE_M * SURE_M:
-                held[LOST_NEAR] += weights[i]
-            held[REPORTED] += F1
+                cells[k, LOST_NEAR] += weights[i]
+            cells[k, REPORTED] += F1
             n += 1
     return n

@@ -5,26 +5,26 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array2D, Array3D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel_part
 from slz.kernels.surface.surface_record import GRADIENT, LEVEL, PLANE_LAYERS, RESIDUAL, N
 
+PLANE_RADIUS = 2  # cells
 SUMS = 10  # n, x, y, z, xx, yy, xy, xz, yz, zz
 FEWEST = 8.0  # returns of a window that make a plane
 FEWEST_CELLS = 5.0
 
 
-@kernel
+@kernel_part
 def smooth_planes(
     count: Array2D[np.float32],
     mean: Array2D[np.float32],
     squares: Array2D[np.float32],
-    radius: int,
     cell: float,
 ) -> Array3D[np.float32]:
     """Return (4, rows, cols): returns, height of the plane at the mean place, gradient and rms residual.
 
-    The window of a cell spans `radius` cells to every side; the last three are NaN where it holds too few
-    returns. Returns count at the centre of their cell.
+    The window of a cell spans `PLANE_RADIUS` cells to every side; the last three are NaN where it holds too
+    few returns. Returns count at the centre of their cell.
 
     Parameters
     ----------
@@ -41,41 +41,41 @@ def smooth_planes(
         for c in range(cols):
             if count[r, c] > 0 and base == 0.0:
                 base = float(mean[r, c])
-    for r in range(-radius, rows):
-        for sign, row in ((1.0, r + radius), (-1.0, r - radius - 1)):
+    for r in range(-PLANE_RADIUS, rows):
+        for sign, row in ((1.0, r + PLANE_RADIUS), (-1.0, r - PLANE_RADIUS - 1)):
             if row < 0 or row >= rows:
                 continue
             for c in range(cols):
                 n = float(count[row, c])
                 if n > 0.0:
-                    z, y, s = float(mean[row, c]) - base, row * cell, column[c]
+                    z, y = float(mean[row, c]) - base, row * cell
                     n *= sign
                     cells[c] += sign
-                    s[0] += n
-                    s[2] += n * y
-                    s[3] += n * z
-                    s[5] += n * y * y
-                    s[8] += n * y * z
-                    s[9] += n * z * z + sign * float(squares[row, c])
+                    column[c, 0] += n
+                    column[c, 2] += n * y
+                    column[c, 3] += n * z
+                    column[c, 5] += n * y * y
+                    column[c, 8] += n * y * z
+                    column[c, 9] += n * z * z + sign * float(squares[row, c])
         if r < 0:
             continue
         n = sx = sy = sz = sxx = syy = sxy = sxz = syz = szz = seen = 0.0
-        for c in range(-radius, cols):
-            for sign, at in ((1.0, c + radius), (-1.0, c - radius - 1)):
+        for c in range(-PLANE_RADIUS, cols):
+            for sign, at in ((1.0, c + PLANE_RADIUS), (-1.0, c - PLANE_RADIUS - 1)):
                 if at < 0 or at >= cols:
                     continue
-                s, x = column[at], at * cell
-                n += sign * s[0]
+                x = at * cell
+                n += sign * column[at, 0]
                 seen += sign * cells[at]
-                sx += sign * s[0] * x
-                sy += sign * s[2]
-                sz += sign * s[3]
-                sxx += sign * s[0] * x * x
-                syy += sign * s[5]
-                sxy += sign * s[2] * x
-                sxz += sign * s[3] * x
-                syz += sign * s[8]
-                szz += sign * s[9]
+                sx += sign * column[at, 0] * x
+                sy += sign * column[at, 2]
+                sz += sign * column[at, 3]
+                sxx += sign * column[at, 0] * x * x
+                syy += sign * column[at, 5]
+                sxy += sign * column[at, 2] * x
+                sxz += sign * column[at, 3] * x
+                syz += sign * column[at, 8]
+                szz += sign * column[at, 9]
             if c < 0:
                 continue
             out[N, r, c] = n

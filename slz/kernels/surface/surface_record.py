@@ -34,3 +34,13 @@ ANSWER_M = 25.0  # range within which dark wet tarmac still answers an oblique r
 # Layers of `slz.kernels.surface.smooth_planes.smooth_planes`.
 LEVEL, GRADIENT, RESIDUAL, N = range(4)
 PLANE_LAYERS = 4
+
+# Layers of a classified cell, which its record holds from LAYERS on. WATER to CANOPY: probabilities, 0 where
+# nothing was seen; the rest is bare ground, where enough was seen. RAISED: height of a roof over the ground
+# around (m). KIND: the likeliest `slz.surface.surface_kinds.SurfaceKind`. SHAPE: log odds for water that the
+# level extent of the cell gives, 0 for none; SHAPE_S: when it was found with all its surroundings (s).
+WATER, ROOF, LOW_VEGETATION, CANOPY, RAISED, KIND, SHAPE = range(7)
+N_LAYERS = 7
+LAYERS = SURFACE_FIELDS
+SHAPE_S = LAYERS + N_LAYERS
+RECORD = SHAPE_S + 1

@@ -28,6 +28,7 @@ from slz.kernels.surface.surface_record import (
     HIGH,
     LOW,
     MEAN,
+    N_LAYERS,
     SEVERAL,
     SQUARES,
     SURFACE_FIELDS,
@@ -36,11 +37,10 @@ from slz.kernels.surface.surface_record import (
 )
 from slz.kernels.survey.surface_sums import BUILDING, CLASSES, LOW_PLANT, TALL_PLANT, add_sums, count_apart
 from slz.surface.classification import classify
-from slz.surface.surface_cells import SurfaceCells
 from slz.surface.surface_kinds import SurfaceHere
 from slz.surface.surface_map import CELL_M
-from slz.surface.surface_probabilities import N_LAYERS, SurfaceLayers
-from slz.surface.survey_classes import SurveyClasses
+from slz.surface.surface_probabilities import SurfaceLayers
+from slz.surface.survey_classes import Floats, SurveyClasses
 
 SIDE, MARGIN = 1024, 256  # surface cells
 
@@ -130,8 +130,8 @@ def tell_part(part: Part, parts: SurfaceParts, whole: Box, interval: tuple[int, 
     )
     held = _cut(wide, whole, factor)
     shape = held.shape[0] // factor, held.shape[1] // factor
-    cells, classes = _cells(part.sources, held, shape, factor, whole, interval, datum, parts.cell_m)
-    told = classify(cells, classes)
+    fields, classes = _cells(part.sources, held, shape, factor, whole, interval, datum)
+    told = classify(fields, parts.cell_m * factor, classes)
     row, col = held.row0 // factor - part.row * SIDE, held.col0 // factor - part.col * SIDE
     own = Box(max(0, row), min(SIDE, row + shape[0]), max(0, col), min(SIDE, col + shape[1]))
     out = np.zeros((N_LAYERS, SIDE, SIDE), np.float16)
@@ -161,8 +161,7 @@ def _cells(
     whole: Box,
     interval: tuple[int, int],
     datum: int,
-    cell_m: float,
-) -> tuple[SurfaceCells, SurveyClasses]:
+) -> tuple[Floats, SurveyClasses]:
     sums, extreme = np.zeros((5, *shape), np.int64), np.zeros((*shape, 2), np.int32)
     classes, fields = np.zeros((*shape, CLASSES), np.int32), np.zeros((SURFACE_FIELDS, *shape), np.float32)
     for part in segments(sources, box):
@@ -186,7 +185,7 @@ def _cells(
     fields[DEEP], fields[TALL], fields[TOLD], fields[SEVERAL] = deep, tall, sums[3], sums[4]
     told = np.moveaxis(classes, 2, 0).astype(np.float32)
     prior = SurveyClasses(told[BUILDING], told[LOW_PLANT], told[TALL_PLANT], told.sum(axis=0))
-    return SurfaceCells(fields, cell_m * factor), prior
+    return fields, prior
 
 
 def _keys(box: Box, side: int) -> Iterator[tuple[int, int]]:

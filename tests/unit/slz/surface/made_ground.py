@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.surface.level_extents import level_extents
+from slz.kernels.surface.smooth_planes import smooth_planes
 from slz.kernels.surface.surface_record import (
     APART_M,
     COUNT,
@@ -19,12 +22,38 @@ from slz.kernels.surface.surface_record import (
     SURFACE_FIELDS,
     TALL,
 )
-from slz.surface.surface_cells import SurfaceCells
+from slz.surface import classification
+from slz.surface.surface_probabilities import SurfaceLayers
+from slz.surface.survey_classes import SurveyClasses
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 Shape = Callable[[Floats, Floats], Floats]
 SUSPICION = 0.05  # probability of water above which ground is refused
+
+
+@dataclass(frozen=True)
+class SurfaceCells:
+    """Evidence of a box of surface cells: (SURFACE_FIELDS, rows, cols), and side of a cell."""
+
+    fields: NDArray[np.float32]
+    cell_m: float
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.fields.shape[1], self.fields.shape[2]
+
+    @property
+    def seen(self) -> Flags:
+        return np.asarray(self.fields[COUNT] > 0)
+
+
+def classify(
+    cells: SurfaceCells,
+    classes: SurveyClasses | None = None,
+    shape: NDArray[np.float32] | None = None,
+) -> SurfaceLayers:
+    return classification.classify(cells.fields, cells.cell_m, classes, shape)
 
 
 def cells_of(points: Floats, rows: int, cols: int, cell_m: float = 1.0) -> SurfaceCells:
@@ -80,6 +109,13 @@ def places(side: int) -> tuple[Floats, Floats]:
 def emptied(cells: SurfaceCells, empty: Flags) -> SurfaceCells:
     """Return cells of which some were not seen."""
     return SurfaceCells(np.where(empty, np.float32(0), cells.fields), cells.cell_m)
+
+
+def extents_of(cells: SurfaceCells) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.float64]]:
+    """Return labels and level of the extents of cells, and the log odds for water of each label."""
+    f = cells.fields
+    planes = smooth_planes(f[COUNT], f[MEAN], f[SQUARES], cells.cell_m)
+    return level_extents(f, planes, cells.cell_m)
 
 
 def with_fields(cells: SurfaceCells, values: Mapping[int, float | NDArray[Any]]) -> SurfaceCells:

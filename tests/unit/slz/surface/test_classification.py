@@ -8,24 +8,27 @@ import numpy as np
 import pytest
 
 from slz.kernels.surface.surface_record import (
+    CANOPY,
     COUNT,
     DARK,
+    KIND,
     LOST_NEAR,
     LOST_OBLIQUE,
     LOST_SLANTED,
     OBLIQUE,
+    RAISED,
     REPORTED,
     SEVERAL,
     SLANTED,
     SQUARES,
     TOLD,
+    WATER,
 )
-from slz.surface.classification import classify
-from slz.surface.surface_cells import SurfaceCells
 from slz.surface.surface_kinds import SurfaceKind
-from slz.surface.surface_probabilities import CANOPY, KIND, RAISED, WATER
 from tests.unit.slz.surface.made_ground import (
     SUSPICION,
+    SurfaceCells,
+    classify,
     emptied,
     from_middle,
     lake,

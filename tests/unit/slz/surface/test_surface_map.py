@@ -10,7 +10,7 @@ import pytest
 import params
 from slz.kernels.cells.cell_record import TILE
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceKind
-from slz.surface.surface_map import LEAST_TILES, NO_SIGNAL, SHAPE_S, Edges, Signal, SurfaceMap
+from slz.surface.surface_map import LEAST_TILES, NO_SIGNAL, SHAPE_HOLD_S, Edges, Signal, SurfaceMap
 from tests.unit.slz.surface.made_ground import Flags, Floats, from_middle, lake, returns_of
 
 EVERYWHERE = (-1e5, -1e5, 1e5, 1e5)
@@ -165,7 +165,7 @@ def test_a_lake_told_long_ago_stays_refused_while_its_middle_is_seen_again() -> 
     x, y = np.meshgrid(np.arange(200) + WEST_M - 49.5, np.arange(200) + SOUTH_M - 49.5)
     water = from_middle(x, y) < 27
     assert around(surface)[water].all()
-    for now_s in (1.0, 2.0 * SHAPE_S, 2.0 * SHAPE_S + 1, 2.0 * SHAPE_S + 2):
+    for now_s in (1.0, 2.0 * SHAPE_HOLD_S, 2.0 * SHAPE_HOLD_S + 1, 2.0 * SHAPE_HOLD_S + 2):
         shown(surface, amid, now_s)
         assert around(surface)[water].all()
 

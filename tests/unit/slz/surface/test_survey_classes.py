@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slz.surface.classification import classify
 from slz.surface.surface_kinds import SurfaceKind
 from slz.surface.survey_classes import SurveyClasses
-from tests.unit.slz.surface.made_ground import SUSPICION, lake, made
+from tests.unit.slz.surface.made_ground import SUSPICION, classify, lake, made
 
 SIDE = 20
 GROUND = made(lambda x, _: 0.03 * x, SIDE, 10)

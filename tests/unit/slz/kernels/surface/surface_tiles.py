@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from slz.kernels.cells.cell_record import TILE
 from slz.kernels.surface.add_returns import add_lost, add_returns
-from slz.kernels.surface.surface_record import SURFACE_FIELDS
+from slz.kernels.surface.surface_record import RECORD
 
 Floats = NDArray[np.float64]
 FOREVER_S = 1e6
@@ -23,9 +23,7 @@ class Tiles:
     south_m: float = 20.0
     cell_m: float = 1.0
     table: NDArray[np.int32] = field(default_factory=lambda: np.array([[-1, 1, 0]], np.int32))
-    pool: NDArray[np.float32] = field(
-        default_factory=lambda: np.zeros((2, TILE, TILE, SURFACE_FIELDS), np.float32)
-    )
+    pool: NDArray[np.float32] = field(default_factory=lambda: np.zeros((2, TILE, TILE, RECORD), np.float32))
 
     def cell(self, east_m: float, north_m: float) -> NDArray[np.float32]:
         """Return the record of the cell at a place."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slz.kernels.surface.add_returns import MOST_COUNT, MOST_DARK, tiles_hit
+from slz.kernels.surface.add_returns import MOST_COUNT, MOST_DARK
 from slz.kernels.surface.surface_record import (
     APART_M,
     ASIDE,
@@ -156,13 +156,6 @@ def test_points_that_are_nowhere_change_nothing() -> None:
     astray = np.array([[np.nan, 30, 0], [0, np.inf, 0], [-129, 30, 0], [1e300, 30, 0], [0, 19.9, 0]])
     tiles.add(astray, SENSOR)
     assert not tiles.pool.any()
-
-
-def test_tiles_are_hit_where_a_point_falls() -> None:
-    hit = np.zeros((2, 2), np.bool_)
-    points = np.array([[0.0, 0, 0], [127.9, 64, 0], [128, 0, 0], [-0.1, 0, 0], [np.nan, 70, 0]])
-    tiles_hit(points, 0.0, 0.0, 1.0, hit)
-    assert hit.tolist() == [[True, False], [False, True]]
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from slz.kernels.surface.smooth_planes import FEWEST, FEWEST_CELLS, smooth_planes
+from slz.kernels.surface.smooth_planes import FEWEST, FEWEST_CELLS, PLANE_RADIUS, smooth_planes
 from slz.kernels.surface.surface_record import GRADIENT, LEVEL, RESIDUAL, N
 
 Floats = NDArray[np.float64]
@@ -28,12 +28,12 @@ def scene(seed: int, fill: float, side: int = 12) -> tuple[Floats, NDArray[np.fl
 
 @pytest.mark.parametrize(("seed", "fill"), [(1, 1.0), (2, 0.6), (3, 0.25)])
 def test_a_plane_is_the_least_squares_fit_of_its_window_s_returns(seed: int, fill: float) -> None:
-    cell_m, radius = 1.5, 2
+    cell_m = 1.5
     returns, (count, mean, squares) = scene(seed, fill)
-    out = smooth_planes(count, mean, squares, radius, cell_m)
+    out = smooth_planes(count, mean, squares, cell_m)
     fitted = 0
     for row, col in np.ndindex(count.shape):
-        near = returns[(np.abs(returns[:, :2] - (row, col)) <= radius).all(axis=1)]
+        near = returns[(np.abs(returns[:, :2] - (row, col)) <= PLANE_RADIUS).all(axis=1)]
         assert out[N, row, col] == len(near)
         places = np.unique(near[:, :2], axis=0)
         if len(near) < FEWEST or len(places) < FEWEST_CELLS:
@@ -55,6 +55,6 @@ def test_a_plane_is_the_least_squares_fit_of_its_window_s_returns(seed: int, fil
 def test_cells_in_a_line_make_no_plane() -> None:
     count, mean = np.zeros((9, 9), np.float32), np.zeros((9, 9), np.float32)
     count[4] = 20
-    out = smooth_planes(count, mean, np.zeros((9, 9), np.float32), 2, 1.0)
+    out = smooth_planes(count, mean, np.zeros((9, 9), np.float32), 1.0)
     assert np.isnan(out[[LEVEL, GRADIENT, RESIDUAL]]).all()
     assert out[N, 4, 4] == 100

@@ -6,11 +6,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from slz.kernels.surface.surface_record import ASIDE, ASIDE_LIGHT, ASIDE_M, NADIR, NADIR_LIGHT, NADIR_M
-from slz.surface.classification import classify
-from slz.surface.specular_returns import BRIGHTER, BRIGHTEST, specular_returns
-from slz.surface.surface_cells import SurfaceCells
-from tests.unit.slz.surface.made_ground import SUSPICION, from_middle, made, places, with_fields
+from slz.kernels.surface.specular_returns import BRIGHTER, BRIGHTEST, specular_returns
+from slz.kernels.surface.surface_record import ASIDE, ASIDE_LIGHT, ASIDE_M, MEAN, NADIR, NADIR_LIGHT, NADIR_M
+from tests.unit.slz.surface.made_ground import (
+    SUSPICION,
+    SurfaceCells,
+    classify,
+    from_middle,
+    made,
+    places,
+    with_fields,
+)
 
 SIDE = 60
 MIDDLE = np.zeros((SIDE, SIDE), bool)
@@ -26,7 +32,7 @@ def seen(
     cells: SurfaceCells, ratio: float, drop_m: float, n: int = 6, where: NDArray[np.bool_] = MIDDLE
 ) -> SurfaceCells:
     """Return cells seen from above and from aside, as bright and as much lower from aside as told."""
-    level = cells.mean_m
+    level = cells.fields[MEAN]
     fields = {
         NADIR: n, NADIR_M: level + drop_m / 2, NADIR_LIGHT: 0.04 * ratio,
         ASIDE: n, ASIDE_M: level - drop_m / 2, ASIDE_LIGHT: 0.04,
@@ -47,20 +53,20 @@ def seen(
     ],
 )
 def test_water_shines_from_above_and_lies_lower_from_aside(ratio: float, drop_m: float, water: bool) -> None:
-    told = specular_returns(seen(soil(), ratio, drop_m)).log_odds
+    told = specular_returns(seen(soil(), ratio, drop_m).fields)[0]
     assert (told[28:32, 24:36] > 0).all() == water
     assert (told > 0).any() == water
 
 
 @pytest.mark.parametrize("field", [NADIR, ASIDE])
 def test_a_surface_seen_from_one_side_only_tells_nothing(field: int) -> None:
-    assert not specular_returns(with_fields(seen(soil(), 20, 0.1), {field: 0})).log_odds.any()
+    assert not specular_returns(with_fields(seen(soil(), 20, 0.1), {field: 0}).fields)[0].any()
 
 
 def test_few_returns_tell_nothing() -> None:
     one = np.zeros_like(MIDDLE)
     one[30, 30] = True
-    assert not specular_returns(seen(soil(), 20, 0.1, n=2, where=one)).log_odds.any()
+    assert not specular_returns(seen(soil(), 20, 0.1, n=2, where=one).fields)[0].any()
 
 
 def test_the_ground_lower_than_a_mirror_is_flooded_and_the_higher_is_not() -> None:

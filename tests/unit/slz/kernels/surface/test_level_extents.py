@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slz.surface.classification import classify
-from slz.surface.level_extents import level_extents
-from slz.surface.surface_cells import SurfaceCells
 from tests.unit.slz.surface.made_ground import (
     SUSPICION,
     Flags,
     Floats,
     Shape,
+    SurfaceCells,
+    classify,
     emptied,
+    extents_of,
     from_middle,
     lake,
     made,
@@ -36,8 +36,8 @@ def thinned(cells: SurfaceCells) -> SurfaceCells:
 
 def scored(cells: SurfaceCells, amid: Flags) -> tuple[float, float, float]:
     """Return of the seen water the shares that belong to an extent, score for water and are suspect."""
-    extents, there = level_extents(cells), amid & cells.seen
-    shares = extents.labels > 0, extents.evidence() > 0, classify(cells).water > SUSPICION
+    (labels, _, log_odds), there = extents_of(cells), amid & cells.seen
+    shares = labels > 0, log_odds[labels] > 0, classify(cells).water > SUSPICION
     belongs, score, suspect = (float(share[there].mean()) for share in shares)
     return belongs, score, suspect
 
@@ -46,10 +46,10 @@ def test_a_lake_scores_for_water_up_to_its_shore_and_not_beyond() -> None:
     cells = made(lake(), per_m2=1)
     belongs, score, suspect = scored(cells, AMID)
     assert (belongs, score, suspect) == (1, 1, 1)
-    extents = level_extents(cells)
-    assert (extents.labels[DISTANCE < RADIUS_M - 1] > 0).all()
-    assert not extents.labels[RADIUS_M + 3 < DISTANCE].any()
-    assert extents.level_m[40, 40] == pytest.approx(0, abs=5e-3)
+    labels, level_m, _ = extents_of(cells)
+    assert (labels[DISTANCE < RADIUS_M - 1] > 0).all()
+    assert not labels[RADIUS_M + 3 < DISTANCE].any()
+    assert level_m[40, 40] == pytest.approx(0, abs=5e-3)
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -59,7 +59,7 @@ def test_a_lake_of_which_most_cells_were_not_seen_scores_for_water(seed: int) ->
     assert belongs == score == 1
     assert suspect > 0.95
     gaps = ~cells.seen & (DISTANCE < RADIUS_M - 3)
-    assert (level_extents(cells).labels[gaps] > 0).mean() > 0.95
+    assert (extents_of(cells)[0][gaps] > 0).mean() > 0.95
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -187,6 +187,6 @@ def test_a_level_yard_with_a_wall_on_one_side_is_dry() -> None:
 
 @pytest.mark.parametrize("drain", [0.02, 0.1])
 def test_ground_that_drains_has_no_extents(drain: float) -> None:
-    extents = level_extents(made(lambda x, _: drain * x, 40))
-    assert not extents.labels.any()
-    assert extents.evidence().max() == extents.evidence().min() == 0
+    labels, _, log_odds = extents_of(made(lambda x, _: drain * x, 40))
+    assert not labels.any()
+    assert log_odds.tolist() == [0]

@@ -9,10 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from slz.kernels.surface.surface_record import LOST_OBLIQUE, LOST_SLANTED, OBLIQUE, REPORTED, SLANTED
-from slz.surface.level_extents import level_extents
-from slz.surface.surface_cells import SurfaceCells
-from slz.surface.vanishing_returns import vanishing_returns
-from tests.unit.slz.surface.made_ground import made, places, with_fields
+from slz.kernels.surface.vanishing_returns import vanishing_returns
+from tests.unit.slz.surface.made_ground import SurfaceCells, extents_of, made, places, with_fields
 
 SIDE = 24
 MIDDLE = SIDE // 2, SIDE // 2
@@ -30,7 +28,7 @@ def scores(cells: SurfaceCells, **rays: float | NDArray[Any]) -> NDArray[np.floa
     lost = sum(np.asarray(rays.get(name, 0), np.float64) for name in ("lost_oblique", "lost_slanted"))
     rays.setdefault("reported", np.asarray(lost))
     cells = with_fields(cells, {names[name]: value for name, value in rays.items()})
-    return vanishing_returns(cells, level_extents(cells).labels > 0)
+    return vanishing_returns(cells.fields, extents_of(cells)[0] > 0, False)
 
 
 def test_without_any_ray_nothing_is_told() -> None:
@@ -107,14 +105,14 @@ def test_level_ground_seen_from_above_alone_by_a_sensor_that_sees_obliquely_is_s
     cells: SurfaceCells, seen: bool, told: bool
 ) -> None:
     """Where the sensor reports no lost rays, so that their absence is all that tells."""
-    level = level_extents(cells).labels > 0
-    score = vanishing_returns(with_fields(cells, {OBLIQUE: 20 * ~BLOCK}), level, seen)
+    level = extents_of(cells)[0] > 0
+    score = vanishing_returns(with_fields(cells, {OBLIQUE: 20 * ~BLOCK}).fields, level, seen)
     assert (score[CORE] > 0).all() == told
     assert not (score[~BLOCK] > 0).any()
 
 
 def test_an_answered_oblique_ray_near_by_acquits_it() -> None:
-    level = level_extents(DENSE).labels > 0
+    level = extents_of(DENSE)[0] > 0
     one = np.zeros((SIDE, SIDE))
     one[MIDDLE] = 1
-    assert vanishing_returns(with_fields(DENSE, {OBLIQUE: one}), level, True)[MIDDLE] <= 0
+    assert vanishing_returns(with_fields(DENSE, {OBLIQUE: one}).fields, level, True)[MIDDLE] <= 0

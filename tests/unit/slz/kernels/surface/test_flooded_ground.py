@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from slz.kernels.surface.flooded_ground import BRIGHTEST_BOTTOM, flood_ground
 from slz.kernels.surface.surface_record import ASIDE, ASIDE_LIGHT
-from slz.surface.flooded_ground import BRIGHTEST_BOTTOM, with_flooded_ground
-from slz.surface.level_extents import level_extents
-from slz.surface.specular_returns import SpecularReturns
-from slz.surface.surface_cells import SurfaceCells
-from tests.unit.slz.surface.made_ground import Flags, Floats, from_middle, lake, made, places, with_fields
+from tests.unit.slz.surface.made_ground import (
+    Flags,
+    Floats,
+    SurfaceCells,
+    extents_of,
+    from_middle,
+    lake,
+    made,
+    places,
+    with_fields,
+)
 
 DISTANCE = from_middle(*places(80))
 LAKE = DISTANCE < 13
 LITTLE = LAKE & (np.arange(80) > 40) & (np.arange(80) == 40)[:, np.newaxis]  # a row up to the shallows
-NO_MIRROR = SpecularReturns(np.zeros(LAKE.shape, np.float32), np.full(LAKE.shape, np.nan, np.float32))
 SHALLOWS = (DISTANCE > 14) & (DISTANCE < 16)
 
 
@@ -31,10 +36,17 @@ def basin(depth_m: float) -> SurfaceCells:
     return made(height)
 
 
-def flooded(cells: SurfaceCells, probability: float = 0.7, known: Flags = LAKE) -> NDArray[np.floating]:
+def flooded(cells: SurfaceCells, probability: float = 0.7, known: Flags = LAKE) -> Floats:
     """Return the probabilities of water around a lake of which some cells are known as water."""
-    water = np.where(known, np.float32(probability), np.float32(0.01))
-    return with_flooded_ground(water, cells, level_extents(cells), NO_MIRROR)
+    return with_floods(np.where(known, probability, 0.01), cells)
+
+
+def with_floods(water: Floats, cells: SurfaceCells) -> Floats:
+    """Return the probabilities of water with flooded ground, without a mirror."""
+    (labels, level_m, _), out = extents_of(cells), water.copy()
+    none = np.full(cells.shape, np.nan, np.float32)
+    assert flood_ground(out, cells.fields, labels, level_m, none, 1.0) or (out == water).all()
+    return out
 
 
 @pytest.mark.parametrize("depth_m", [0.1, 0.3])
@@ -86,5 +98,5 @@ def test_ground_brighter_than_any_bottom_is_not_under_water(light: float, dry: b
 
 def test_flooding_never_makes_ground_drier() -> None:
     cells = basin(0.2)
-    water = np.random.default_rng(1).random(cells.shape).astype(np.float32)
-    assert (with_flooded_ground(water, cells, level_extents(cells), NO_MIRROR) >= water).all()
+    water = np.random.default_rng(1).random(cells.shape)
+    assert (with_floods(water, cells) >= water).all()

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.surface.dark_returns import dark_returns
 from slz.kernels.surface.surface_record import DARK
-from slz.surface.classification import classify
-from slz.surface.dark_returns import dark_returns
-from tests.unit.slz.surface.made_ground import SUSPICION, lake, made, with_fields
+from tests.unit.slz.surface.made_ground import SUSPICION, classify, lake, made, with_fields
 
 LAKE = made(lake(8.0), 80)
 
@@ -17,7 +16,7 @@ NOWHERE = np.zeros(LAKE.shape, bool)
 
 
 def told(dark: NDArray[np.floating], level: NDArray[np.bool_] = NOWHERE) -> NDArray[np.float32]:
-    return dark_returns(with_fields(LAKE, {DARK: dark}), level)
+    return dark_returns(with_fields(LAKE, {DARK: dark}).fields, level)
 
 
 def at(row: int, col: int, value: float) -> NDArray[np.float64]:

@@ -1,0 +1,175 @@
+"""Extents of one level with banks: still water is level to centimetres; a river falls evenly.
+
+Water in airborne LiDAR by geometry alone, without a trained classifier: arXiv 2301.06567. Tarmac and pitches
+drain by 0.5 to 2 %, so their level changes within metres, and they go on without a bank.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from slz.kernels.argument_types import Array1D, Array2D, Array3D
+from slz.kernels.jit import kernel_part
+from slz.kernels.surface.banks import banks
+from slz.kernels.surface.even_falls import even_falls
+from slz.kernels.surface.masks import closed_mask, connected_parts
+from slz.kernels.surface.piecewise_linear import interpolate
+from slz.kernels.surface.shores import grow_extents
+from slz.kernels.surface.smooth_planes import PLANE_RADIUS, smooth_planes
+from slz.kernels.surface.surface_record import COUNT, GRADIENT, LEVEL, MEAN, RESIDUAL, SQUARES, N
+
+FLATTEST, RESIDUAL_M = np.float32(0.01), np.float32(0.06)  # of a plane over five cells, even with ripples
+ROUGHEST_M, SIGMAS = np.float32(0.2), 2.5  # of planes over ten cells, with waves; how far a shore may be off
+SMALLEST_M2 = 40.0  # extent of level planes, that is without a margin of two cells
+BAND_M = 0.06  # a cell at the shore belongs to the water if its mean is so near the level
+EXACT_M, EXACT_FALL_M = (0.006, 0.03), (0.006, 0.012)  # standard deviation of water, of ground; about a fall
+EXACTNESS = 1.0, -1.0
+FALLING_M = 0.018  # standard deviation of a level from which the extent may fall
+
+# Logarithms of 40, 100, 400, 10,000, 40,000 m2: nothing but water is level over so much.
+EXTENTS = tuple(np.log([40.0, 100.0, 400.0, 10_000.0, 40_000.0]).tolist())
+SCORE_EXTENTS = -2.0, 0.0, 1.5, 1.5, 3.0  # log odds
+SCORE_FALLING = 1.5  # at most, of an extent that falls
+FALLS, SCORES_FALL = (0.003, 0.006), (0.0, -3.0)
+SCORE_POOR = 1.5
+
+
+@kernel_part
+def level_extents(
+    fields: Array3D[np.float32], planes: Array3D[np.float32], cell: float
+) -> tuple[Array2D[np.int32], Array2D[np.float32], Array1D[np.float64]]:
+    """Find the extents of one level, or of one even fall, and how much they are like water.
+
+    Planes through cells twice as wide find rippled or sparsely hit water, and say more where they find it.
+    Return labels (rows, cols), 0 for none, the level there, if it is water, else NaN, and the log odds for
+    water of each label.
+    """
+    labels, level_m, score = fine_extents(fields, planes, cell)
+    coarse = _coarser(fields)
+    planes = smooth_planes(coarse[0], coarse[1], coarse[2], 2 * cell)
+    wide, wide_m, scores, residual_m = _extents(coarse[0], coarse[1], planes, 2 * cell, ROUGHEST_M, np.inf)
+    n, band_m = len(score), np.maximum(BAND_M, SIGMAS * residual_m)
+    if scores.any():
+        for r in range(labels.shape[0]):
+            for c in range(labels.shape[1]):
+                own, height = wide[r // 2, c // 2], wide_m[r // 2, c // 2]
+                near = fields[COUNT, r, c] == 0 or abs(fields[MEAN, r, c] - height) < band_m[own]
+                if own > 0 and near and (labels[r, c] == 0 or scores[own] > score[labels[r, c]]):
+                    labels[r, c], level_m[r, c] = own + n - 1, height
+        score = np.concatenate((score, scores[1:]))
+    return labels, level_m, score
+
+
+@kernel_part
+def fine_extents(
+    fields: Array3D[np.float32], planes: Array3D[np.float32], cell: float
+) -> tuple[Array2D[np.int32], Array2D[np.float32], Array1D[np.float64]]:
+    """Find the extents of one level in cells of the given size."""
+    return _extents(fields[COUNT], fields[MEAN], planes, cell, RESIDUAL_M, FALLING_M)[:3]
+
+
+@kernel_part
+def _coarser(fields: Array3D[np.float32]) -> Array3D[np.float32]:
+    """Return number, mean and squared deviations of returns in cells twice as wide, (3, rows, cols)."""
+    _, rows, cols = fields.shape
+    out = np.zeros((3, (rows + 1) // 2, (cols + 1) // 2), np.float32)
+    for r in range(out.shape[1]):
+        for c in range(out.shape[2]):
+            total = middle = squares = 0.0
+            for i in range(2 * r, min(2 * r + 2, rows)):
+                n, heights = 0.0, 0.0
+                for j in range(2 * c, min(2 * c + 2, cols)):
+                    n += fields[COUNT, i, j]
+                    heights += np.float64(fields[COUNT, i, j]) * fields[MEAN, i, j]
+                total, middle = total + n, middle + heights
+            middle /= max(total, 1.0)
+            for i in range(2 * r, min(2 * r + 2, rows)):
+                within = 0.0
+                for j in range(2 * c, min(2 * c + 2, cols)):
+                    off = fields[MEAN, i, j] - middle
+                    within += fields[SQUARES, i, j] + fields[COUNT, i, j] * (off * off)
+                squares += within
+            out[0, r, c], out[1, r, c], out[2, r, c] = total, middle, squares
+    return out
+
+
+@kernel_part
+def _extents(
+    count: Array2D[np.float32],
+    mean: Array2D[np.float32],
+    planes: Array3D[np.float32],
+    cell: float,
+    most_residual_m: np.float32,
+    falling_m: float,
+) -> tuple[Array2D[np.int32], Array2D[np.float32], Array1D[np.float64], Array1D[np.float64]]:
+    """Find the extents of one level in cells of one size; those less exact than `falling_m` may fall.
+
+    Return also the residual of the planes of each label, root mean square.
+    """
+    core = (planes[GRADIENT] < FLATTEST) & (planes[RESIDUAL] < most_residual_m)
+    labels, n = connected_parts(core, cell**2, SMALLEST_M2)
+    level_m, score = np.full_like(mean, np.nan), np.zeros(n)
+    if n == 1:
+        return labels, level_m, score, score
+    size, level, noise_m2, residual2, variance = np.zeros((5, n))
+    residual = planes[RESIDUAL].astype(np.float64)
+    for k in range(labels.size):
+        own = labels.flat[k]
+        if own > 0:
+            size[own] += 1
+            level[own] += planes[LEVEL].flat[k]
+            noise_m2[own] += residual.flat[k] * residual.flat[k] / planes[N].flat[k]
+            residual2[own] += residual.flat[k] * residual.flat[k]
+    size = np.maximum(size, 1)
+    level, noise_m2 = level / size, noise_m2 / size
+    for k in range(labels.size):
+        own = labels.flat[k]
+        if own > 0:
+            off = planes[LEVEL].flat[k] - level[own]
+            variance[own] += off * off
+            level_m.flat[k] = level[own]
+    inexact_m = np.sqrt(np.maximum(variance / size - noise_m2, 0))
+    falling, exact = inexact_m > falling_m, np.zeros(n)
+    off, about, falls = even_falls(labels, planes[LEVEL], falling, cell)
+    falling &= falls < FALLS[-1]
+    for k in range(labels.size):
+        if falling[labels.flat[k]]:
+            level_m.flat[k] = planes[LEVEL].flat[k] - off.flat[k]
+    for label in range(1, n):
+        exact[label] = interpolate(inexact_m[label], EXACT_M, EXACTNESS)
+        area = interpolate(math.log(size[label] * cell**2), EXTENTS, SCORE_EXTENTS)
+        if falling[label]:
+            about_m = math.sqrt(max(0.0, about[label] - noise_m2[label]))
+            exact[label] = interpolate(about_m, EXACT_FALL_M, EXACTNESS)
+            area, score[label] = min(area, SCORE_FALLING), interpolate(falls[label], FALLS, SCORES_FALL)
+        score[label] += min(area, 0.0) + max(area, 0.0) * exact[label] - SCORE_POOR * max(-exact[label], 0.0)
+    residual_m = np.sqrt(residual2 / size)
+    _grow_to_shore(count, mean, labels, level_m, np.maximum(BAND_M, SIGMAS * residual_m))
+    around = banks(count, mean, labels, level_m, falling, cell)
+    for label in range(1, n):
+        weight = max(exact[label], 0.0) if falling[label] and around[label] > 0 else 1.0
+        score[label] += around[label] * weight
+    return labels, level_m, score, residual_m
+
+
+@kernel_part
+def _grow_to_shore(
+    count: Array2D[np.float32],
+    mean: Array2D[np.float32],
+    labels: Array2D[np.int32],
+    level_m: Array2D[np.float32],
+    band_m: Array1D[np.float64],
+) -> None:
+    """Grow extents over the margin that the planes leave, up to cells that rise from their level.
+
+    Unseen cells belong to them as far as they are gaps within.
+    """
+    grow_extents(count, mean, labels, level_m, band_m, PLANE_RADIUS + 1)
+    own, unseen = (labels > 0) & (count > 0), (labels > 0) & (count == 0)
+    if unseen.any():
+        gaps = closed_mask(own)
+        for k in range(labels.size):
+            if unseen.flat[k] and not gaps.flat[k]:
+                labels.flat[k], level_m.flat[k] = 0, np.nan
