@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D
-from slz.kernels.jit import kernel, kernel_part
+from slz.kernels.jit import kernel_part
 from slz.kernels.points.isolated_record import (
     BAND,
     EAST,
@@ -84,7 +84,7 @@ def _sorted_by_square(
     return order, places, at, starts, cols
 
 
-@kernel
+@kernel_part
 def add_others(records: Array2D[np.float64], new: Array1D[np.int64], reaches_m: Array1D[np.float64]) -> None:
     """Add new returns to the nearest others of all, and the nearest others of the new ones.
 
