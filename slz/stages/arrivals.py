@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.ground import Ground
+from slz.kernels.points.rows import rows_by_scan
 from slz.lanes import MAIN
 from slz.returns import Flag, Points, Returns
 from slz.terrain.arrivals import AROUND_M, FEET_M
@@ -31,33 +32,33 @@ class ArrivalStage:
         origin, origins, arrivals = returns.window.origin, returns.window.thin_origins_enu_m, ground.arrivals
         if origin is None or origins is None or not returns.has_place:
             return
-        rows, alone = returns.rows(Flag.KEPT, Flag.ISOLATED), returns.rows(Flag.ISOLATED)
-        raised = (returns.flags[rows] & Flag.RAISED) != 0
-        if not (raised.any() or len(arrivals) or len(arrivals.altered_enu_m)):
+        stand, alone = returns.rows(Flag.RAISED), returns.rows(Flag.ISOLATED)
+        if not (len(stand) or len(arrivals) or len(arrivals.altered_enu_m)):
             return
-        n, thin = len(rows), ~np.isnan(origins[:, 0])
-        both = np.concatenate([rows, alone])
-        together, scan = returns.places_m[both], origin[both]
-        free = _stands_free(together[:n], raised, returns.sensor_m, ground)
-        above = _are_above(together[n:], returns.sensor_m, ground)
-        stands = np.concatenate([free, above]) & thin[scan]
-        over = _are_above(together, returns.sensor_m, ground, FEET_M)
-        order, apart = np.argsort(scan, kind="stable"), np.empty(len(both), bool)
-        apart[order], returns.added_m = arrivals.update(
-            together[order],
-            stands[order],
-            over[order],
-            order >= n,
-            scan[order],
+        places, sensor, flags = returns.places_m, returns.sensor_m, returns.flags
+        stand = np.concatenate(
+            [
+                stand[_stand_free(places[stand], sensor, ground)],
+                alone[_are_above(places[alone], sensor, ground)],
+            ]
+        )
+        raised, isolated = np.zeros((2, len(returns)), bool)
+        raised[stand], isolated[alone] = ~np.isnan(origins[origin[stand], 0]), True
+        rows = rows_by_scan(flags, Flag.KEPT, Flag.ISOLATED, origin, len(origins))
+        apart, returns.added_m = arrivals.update(
+            places,
+            rows,
+            raised,
+            isolated,
+            lambda some: _are_above(places[some], sensor, ground, FEET_M),
+            origin,
             ground.stored(origins),
-            returns.sensor_m,
+            sensor,
             ground.now_s,
         )
         # At their feet, ground that was never seen before stays evidence.
-        feet = apart & ~(stands | over)
-        seen = np.zeros(len(feet), bool)
-        seen[np.flatnonzero(feet)[ground.tiles.differences(together[feet])[:, 3].astype(np.int64)]] = True
-        returns.flags[both[apart & (stands | over | seen)]] |= np.uint16(Flag.APART)
+        known = apart[ground.tiles.differences(places[apart])[:, 3].astype(np.int64)]
+        flags[known] |= np.uint16(Flag.APART)
 
 
 def _are_above(points: Points, sensor: Points, ground: Ground, least_m: float | None = None) -> Flags:
@@ -69,10 +70,9 @@ def _are_above(points: Points, sensor: Points, ground: Ground, least_m: float | 
     return terrain.tiles.contradicted_by(points, sensor, terrain.noise, least_m)
 
 
-def _stands_free(points: Points, raised: Flags, sensor: Points, ground: Ground) -> Flags:
-    """Return which of the raised points have known and lower ground on all sides: others are of walls."""
-    free, side_m = raised.copy(), max(AROUND_M, ground.parameters.cell_m)
-    for north, east in product((-side_m, 0.0, side_m), repeat=2):
-        some = np.flatnonzero(free)
-        free[some] = _are_above(points[some] + (east, north, 0.0), sensor, ground)
-    return free
+def _stand_free(points: Points, sensor: Points, ground: Ground) -> Flags:
+    """Return which raised points have known and lower ground on all sides: others are of walls."""
+    side_m = max(AROUND_M, ground.parameters.cell_m)
+    sides = np.array([(east, north, 0.0) for north, east in product((-side_m, 0.0, side_m), repeat=2)])
+    around = (points[:, np.newaxis] + sides).reshape(-1, 3)
+    return np.asarray(_are_above(around, sensor, ground).reshape(-1, len(sides)).all(axis=1))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.kernels.argument_types import Array1D, Array2D
+from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D
 from slz.kernels.jit import kernel
 
 
@@ -28,3 +28,23 @@ def picked(
         out[n, 0], out[n, 1], out[n, 2] = places[i, 0], places[i, 1], places[i, 2]
         n += (flags[i] & asked) == has
     return out[:n].copy()
+
+
+@kernel
+def rows_by_scan(
+    flags: Array1D[np.uint16], has: int, last: int, origin: ReadOnly1D[np.uint16], scans: int
+) -> Array1D[np.int64]:
+    """Return the rows whose flags hold some of `has` or `last`, by scan; those with `last` end each scan."""
+    starts, asked = np.zeros(2 * scans + 1, np.int64), has | last
+    for i in range(len(flags)):
+        if flags[i] & asked:
+            starts[2 * origin[i] + ((flags[i] & last) != 0) + 1] += 1
+    for k in range(2 * scans):
+        starts[k + 1] += starts[k]
+    out = np.empty(starts[-1], np.int64)
+    for i in range(len(flags)):
+        if flags[i] & asked:
+            k = 2 * origin[i] + ((flags[i] & last) != 0)
+            out[starts[k]] = i
+            starts[k] += 1
+    return out

@@ -16,6 +16,7 @@ from slz.terrain.arrivals import Arrivals
 from slz.terrain.terrain import EvidenceTerrain
 
 Points = NDArray[np.float64]
+Flags = NDArray[np.bool_]
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]
 Rays = Callable[[int, np.random.Generator], Points]
 FRAME = LocalFrame(47.0, 8.0, 400.0)
@@ -81,6 +82,36 @@ def window(
         origin=origin,
         origins_enu_m=origins,
     )
+
+
+def take(
+    arrivals: Arrivals,
+    points: Points,
+    raised: Flags,
+    origins: Points,
+    sensor: Points,
+    now_s: float,
+    *,
+    over: Flags | None = None,
+    isolated: Flags | None = None,
+    origin: NDArray[np.uint16] | None = None,
+) -> tuple[Flags, Points]:
+    """Take a window, of one scan by default; what is over ground is raised by default, and none isolated."""
+    n, over = len(points), raised if over is None else over
+    rows, evidence = arrivals.update(
+        points,
+        np.arange(n),
+        raised,
+        np.zeros(n, bool) if isolated is None else isolated,
+        over.__getitem__,
+        np.zeros(n, np.uint16) if origin is None else origin,
+        origins,
+        sensor,
+        now_s,
+    )
+    apart = np.zeros(n, bool)
+    apart[rows] = True
+    return apart, evidence
 
 
 def pipeline() -> Pipeline:
@@ -161,16 +192,7 @@ def test_what_stands_is_never_given_up(there: Box, pattern: Rays) -> None:
         assert origin is not None
         assert origins is not None
         raised = points[:, 2] - 0.04 * points[:, 0] > 0.3
-        arrivals.update(
-            points,
-            raised,
-            raised,
-            np.zeros(len(points), bool),
-            origin,
-            origins,
-            looked.sensor_enu_m,
-            float(second),
-        )
+        take(arrivals, points, raised, origins, looked.sensor_enu_m, float(second), origin=origin)
         assert len(arrivals) >= before
         before = len(arrivals)
     assert before
@@ -197,11 +219,7 @@ class Looks:
         points = sensor + (places - sensor) * np.where(np.arange(len(places)) < returned, 1.0, 1.16)[:, None]
         raised = np.arange(len(places)) < returned
         self._time_s += 0.05
-        nobody, scan = np.zeros(len(places), bool), np.zeros(len(places), np.uint16)
-        apart, _ = self.arrivals.update(
-            points, raised, raised, nobody, scan, sensor[np.newaxis], sensor, self._time_s
-        )
-        return apart
+        return take(self.arrivals, points, raised, sensor[np.newaxis], sensor, self._time_s)[0]
 
 
 def dense() -> Looks:
@@ -253,10 +271,10 @@ def test_what_stands_is_no_evidence_before_it_has_stood_for_long() -> None:
     assert looks.look(8, 0).all()
     stays = SETTINGS.model_copy(update={"max_age_s": 1.0})
     arrivals = Arrivals(0.0, 0.0, stays)
-    points, flags, scan = TOP[np.newaxis].copy(), np.ones(1, bool), np.zeros(1, np.uint16)
-    _, evidence = arrivals.update(points, flags, flags, ~flags, scan, HERE[np.newaxis], HERE, 0.0)
+    points, flags = TOP[np.newaxis].copy(), np.ones(1, bool)
+    _, evidence = take(arrivals, points, flags, HERE[np.newaxis], HERE, 0.0)
     assert not len(evidence)
-    _, evidence = arrivals.update(points, ~flags, ~flags, ~flags, scan, HERE[np.newaxis], HERE, 2.0)
+    _, evidence = take(arrivals, points, ~flags, HERE[np.newaxis], HERE, 2.0)
     assert (evidence == TOP).all()
     assert len(evidence)
     assert not len(arrivals.points_enu_m)
@@ -268,10 +286,10 @@ def test_rays_just_over_what_one_line_of_a_sensor_returned_prove_nothing() -> No
     across = np.linspace(-0.14, 0.14, 20)
     board = np.column_stack([np.full(20, 11.1), across, np.full(20, 1.05)])
     over = origins + (board + np.array([0.0, 0.0, 0.13]) - origins) * 1.12
-    nobody, scan = np.zeros(20, bool), np.zeros(20, np.uint16)
+    nobody = np.zeros(20, bool)
     for k in range(100):
         points, raised = (board, ~nobody) if k < 40 else (over, nobody)
-        arrivals.update(points, raised, raised, nobody, scan, origins, origins[0], 0.05 * k)
+        take(arrivals, points, raised, origins, origins[0], 0.05 * k)
     assert len(arrivals) == 2
 
 
@@ -279,22 +297,19 @@ def test_what_stands_far_away_is_kept_until_the_sensor_is_back() -> None:
     """The map's grid may not hold it meanwhile."""
     settings = SETTINGS.model_copy(update={"max_age_s": 10.0})
     arrivals, here = Arrivals(0.0, 0.0, settings), HERE[np.newaxis]
-    point, flags, scan = TOP[np.newaxis], np.ones(1, bool), np.zeros(1, np.uint16)
-    arrivals.update(point, flags, flags, ~flags, scan, here, HERE, 0.0)
+    point, flags = TOP[np.newaxis], np.ones(1, bool)
+    take(arrivals, point, flags, here, HERE, 0.0)
     away = np.array([300.0, 0.0, 0.0])
-    _, evidence = arrivals.update(point + away, ~flags, ~flags, ~flags, scan, here + away, HERE + away, 8.0)
+    _, evidence = take(arrivals, point + away, ~flags, here + away, HERE + away, 8.0)
     assert (len(evidence), len(arrivals)) == (0, 1)
-    _, evidence = arrivals.update(
-        point + np.array([5.0, 0.0, 0.0]), ~flags, ~flags, ~flags, scan, here, HERE, 9.0
-    )
+    _, evidence = take(arrivals, point + np.array([5.0, 0.0, 0.0]), ~flags, here, HERE, 9.0)
     assert (len(evidence), len(arrivals)) == (2, 0)
 
 
 def test_the_top_of_what_stands_is_its_highest_return() -> None:
     arrivals, here = Arrivals(0.0, 0.0, SETTINGS), HERE[np.newaxis]
     mast = TOP + np.column_stack([np.zeros((40, 2)), np.linspace(-1.0, 4.0, 40)])
-    flags = np.ones(40, bool)
-    arrivals.update(mast, flags, flags, ~flags, np.zeros(40, np.uint16), here, HERE, 0.0)
+    take(arrivals, mast, np.ones(40, bool), here, HERE, 0.0)
     assert arrivals.points_enu_m[:, 2].max() == mast[:, 2].max()
 
 
@@ -303,9 +318,7 @@ def test_an_isolated_return_is_an_arrival_only_beside_others() -> None:
     points = TOP + np.array([(0.0, 0.0, 0.0), (0.2, 0.0, 0.3), (5.0, 0.0, 0.0)])
     origins = HERE[np.newaxis].copy()
     raised, isolated = np.ones(3, bool), np.array([False, True, True])
-    apart, _ = looks.arrivals.update(
-        points, raised, raised, isolated, np.zeros(3, np.uint16), origins, HERE, 0.0
-    )
+    apart, _ = take(looks.arrivals, points, raised, origins, HERE, 0.0, isolated=isolated)
     assert apart.tolist() == [True, True, False]
     assert looks.arrivals.points_enu_m[:, 2].max() == TOP[2] + 0.3
 
@@ -316,8 +329,7 @@ def test_what_is_low_around_an_arrival_is_its_own_and_ground_beside_it_is_not() 
     shin, ground = (0.4, 0.0, -1.5), (0.4, 0.0, -1.75)
     points = TOP + np.array([(0.0, 0.0, 0.0), shin, ground])
     raised, over = np.array([True, False, False]), np.array([True, True, False])
-    scan, nobody = np.zeros(3, np.uint16), np.zeros(3, bool)
-    apart, _ = looks.arrivals.update(points, raised, over, nobody, scan, HERE[np.newaxis].copy(), HERE, 0.0)
+    apart, _ = take(looks.arrivals, points, raised, HERE[np.newaxis].copy(), HERE, 0.0, over=over)
     assert apart.tolist() == [True, True, False]
 
 
@@ -326,16 +338,7 @@ def test_rays_of_a_radar_prove_nothing() -> None:
     looks = dense()
     points, nobody = HERE + (TOP + np.zeros((10, 3)) - HERE) * 1.16, np.zeros(10, bool)
     for k in range(100):
-        looks.arrivals.update(
-            points,
-            nobody,
-            nobody,
-            nobody,
-            np.zeros(10, np.uint16),
-            np.full((1, 3), np.nan),
-            HERE,
-            2.0 + 0.05 * k,
-        )
+        take(looks.arrivals, points, nobody, np.full((1, 3), np.nan), HERE, 2.0 + 0.05 * k)
     assert len(looks.arrivals)
 
 
@@ -344,11 +347,22 @@ def test_what_stands_on_ground_that_has_grown_too_old_is_no_ground() -> None:
     arrivals = Arrivals(0.0, 0.0, SETTINGS)
     east, north = np.mgrid[0.1:8:0.2, 0.1:8:0.2]
     roof = np.column_stack([east.ravel(), north.ravel(), np.full(east.size, 3.0)])
-    flags, sensor = np.ones(len(roof), bool), np.array([4.0, 4.0, 15.0])
-    scan = np.zeros(len(roof), np.uint16)
-    arrivals.update(roof, flags, flags, ~flags, scan, sensor[np.newaxis], sensor, 0.0)
+    sensor = np.array([4.0, 4.0, 15.0])
+    take(arrivals, roof, np.ones(len(roof), bool), sensor[np.newaxis], sensor, 0.0)
     terrain = EvidenceTerrain(Grid(0.0, 0.0, SETTINGS.cell_m, 40, 40), SETTINGS)
     terrain.arrivals = arrivals
     terrain.add(np.array([[0.1, 0.1, 0.0]]), sensor, 0.0)
     state = terrain.state(terrain.grid.everything)
     assert (state[10:30, 10:30] == UNSAFE).all()
+
+
+def test_the_points_altered_are_those_shown_before_or_now_but_not_both() -> None:
+    """Somebody comes, stays, raises an arm, and lowers it, which leaves the highest return where it was."""
+    arrivals, shown = Arrivals(0.0, 0.0, SETTINGS), set[tuple[float, ...]]()
+    man = TOP + np.array([(0.0, 0.0, 0.0), (0.2, 0.0, -0.3)])
+    for k, points in enumerate((man, man, man + np.array([0.0, 0.0, 0.4]), man[:1])):
+        take(arrivals, points, np.ones(len(points), bool), HERE[np.newaxis], HERE, float(k))
+        now = {tuple(point) for point in arrivals.points_enu_m.tolist()}
+        assert {tuple(point) for point in arrivals.altered_enu_m.tolist()} == shown ^ now
+        assert (shown != now) == (k in (0, 2))
+        shown = now

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slz.kernels.points.rows import picked, rows_of
+from slz.kernels.points.rows import picked, rows_by_scan, rows_of
 
 
 @pytest.mark.parametrize(("has", "lacks"), [(0, 0), (1, 0), (0, 1), (3, 4), (8, 3)])
@@ -16,3 +16,12 @@ def test_rows_are_those_with_all_of_one_sum_and_none_of_the_other(n: int, has: i
     wanted = ((flags & has) == has) & ((flags & lacks) == 0)
     assert np.array_equal(rows_of(flags, has, lacks), np.flatnonzero(wanted))
     assert np.array_equal(picked(places, flags, has, lacks), places[wanted])
+
+
+@pytest.mark.parametrize("n", [0, 1, 500])
+def test_rows_by_scan_are_sorted_by_scan_and_those_of_the_last_flag_end_each(n: int) -> None:
+    random = np.random.default_rng(n)
+    flags, origin = random.integers(0, 16, n).astype(np.uint16), random.integers(0, 5, n).astype(np.uint16)
+    wanted = [i for i in range(n) if flags[i] & (2 | 4)]
+    wanted.sort(key=lambda i: (origin[i], bool(flags[i] & 4)))
+    assert rows_by_scan(flags, 2, 4, origin, 5).tolist() == wanted
