@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
 
 from slz.grid import Box
 from slz.kernels.cells.cell_record import TILE
@@ -21,6 +25,12 @@ def keys_over(box: Box) -> tuple[Key, ...]:
 def box_of_tile(key: Key) -> Box:
     """Return the cells of a tile."""
     return Box(key[0] * TILE, (key[0] + 1) * TILE, key[1] * TILE, (key[1] + 1) * TILE)
+
+
+def boxes_of_tiles(keys: Iterable[Key]) -> NDArray[np.int64]:
+    """Return (n, 4) row0, row1, col0, col1 (half open) of the cells of tiles."""
+    row, col = np.array([*keys], np.int64).reshape(-1, 2).T * TILE
+    return np.stack([row, row + TILE, col, col + TILE], axis=1)
 
 
 def tiles_over(box: Box) -> tuple[Key, tuple[int, int]]:

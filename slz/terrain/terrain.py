@@ -18,7 +18,8 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
 from hashlib import blake2b
 from typing import Protocol
 
@@ -26,12 +27,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.grid import Box, Edges, Grid, hull
+from slz.grid import Box, Edges, Grid
 from slz.kernels.cells.cell_record import TILE
 from slz.kernels.cells.cell_statistics import summary
 from slz.kernels.cells.resolution_pyramid import downsample
-from slz.kernels.cells.tile_boxes import or_hits, set_box
-from slz.kernels.footprint.patch import COLS, rows_of_patch
+from slz.kernels.cells.tile_boxes import blocks_around, or_boxes, or_hits, or_points, regions
+from slz.kernels.footprint.patch import rows_of_patch
 from slz.kernels.lines.wire_tops import raise_tops
 from slz.kernels.points.clutter import put_onto
 from slz.kernels.raster.bitmap import ALL, Bits
@@ -44,8 +45,8 @@ from slz.terrain.terrain_maps import SAFE
 from slz.terrain.terrain_view import UnboundedTerrain, cells_within
 from slz.terrain.thin_objects import ThinObjects
 from slz.terrain.tiled_raster import Pools, TiledLayers
-from slz.terrain.tiles import SERIALS, Change, Hits, Noise, Tiles
-from slz.tile_keys import Key, box_of_tile
+from slz.terrain.tiles import SERIALS, Boxes, Change, Hits, Noise, Tiles, no_boxes
+from slz.tile_keys import Key, boxes_of_tiles
 
 AGEING = 0.1  # share of `max_age_s` for which a cell that became too old may still be shown
 PATIENCE = 0.7  # share of that time before which no tile is derived again for its age
@@ -67,6 +68,20 @@ class Surface(Protocol):
 
     def here(self, east_m: float, north_m: float, around_m: float) -> SurfaceHere:
         """Return what the ground within a distance of a place is."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Changes:
+    """Finest cells whose evidence changed.
+
+    hit, hits: boxes and bits of a `Change`. points_enu_m: (n, 3) each, in the cells of which something else
+    stands than before. altered: (n, 4) as `hit`, boxes within which anything may have changed.
+    """
+
+    hit: Boxes = field(default_factory=no_boxes)
+    hits: Sequence[Hits] = ()
+    points_enu_m: Sequence[NDArray[np.float64]] = ()
+    altered: Boxes = field(default_factory=no_boxes)
 
 
 class EvidenceTerrain(UnboundedTerrain):
@@ -112,7 +127,6 @@ class EvidenceTerrain(UnboundedTerrain):
         self.arrivals: Arrivals | None = None
         self.wires_m = np.empty((0, 3))
         self._footings: dict[Box, tuple[bytes, Footing]] = {}  # by digest of the cells; used last at the end
-        self._oldest_s: dict[Key, float] = {}  # last seen time of the cell not seen for longest
         self._reach = reach_of(parameters, grid.cell_m)
         self.radius, self._margin = self._reach.radius, self._reach.margin
 
@@ -161,7 +175,7 @@ class EvidenceTerrain(UnboundedTerrain):
         """
         now_s = self.tiles.now_s(stamp_s)
         change = self._accumulate(points_enu_m, sensor_enu_m)
-        altered = [self._box_within(*edges) for edges in altered_m]
+        points: list[NDArray[np.float64]] = []
         if isolated_enu_m is not None:
             ground = self._thin.update(
                 isolated_enu_m,
@@ -173,12 +187,14 @@ class EvidenceTerrain(UnboundedTerrain):
             )
             if len(ground):
                 change = change.together_with(self._accumulate(ground, sensor_enu_m))
-            altered += self._boxes_around(self._thin.altered_enu_m)
+            points.append(self._thin.altered_enu_m)
         if self.arrivals is not None:
-            altered += self._boxes_around(self.arrivals.altered_enu_m)
-        self._derive_all(change.boxes, change.hits, [*altered, *map(box_of_tile, change.evicted)])
+            points.append(self.arrivals.altered_enu_m)
+        edges = [self._box_within(*edges) for edges in altered_m]
+        altered = np.concatenate([np.array(edges, np.int64).reshape(-1, 4), boxes_of_tiles(change.evicted)])
+        self._derive_all(Changes(change.boxes, change.hits, points, altered))
         for key in self._aged(now_s):
-            self._derive_all([], (), [box_of_tile(key)])
+            self._derive_all(Changes(altered=boxes_of_tiles([key])))
         if change.evicted:
             self.changed_tiles.update(self._maps.keep(lambda key: self.tiles.any_near(key, self.level)))
             if len(self.changed_tiles) > 2 * self.tiles.capacity:  # no reader
@@ -197,28 +213,17 @@ class EvidenceTerrain(UnboundedTerrain):
             self.pinned,
             p.max_age_s,
         )
-        self._seen = self._seen.union(_widened(hull(change.boxes), self.level, 0))
-        for key in change.evicted:
-            self._oldest_s.pop(key, None)
-        for box in change.boxes:
-            key = box.row0 // TILE, box.col0 // TILE
-            self._oldest_s[key] = min(now_s, self._oldest_s.get(key, math.inf))
+        if len(change.boxes):
+            row0, _, col0, _ = change.boxes.min(axis=0).tolist()
+            _, row1, _, col1 = change.boxes.max(axis=0).tolist()
+            self._seen = self._seen.union(_widened(Box(row0, row1, col0, col1), self.level, 0))
         return change
 
-    def _boxes_around(self, points_enu_m: NDArray[np.float64]) -> list[Box]:
-        """Return squares of `BLOCK` finest cells that hold the points."""
-        place = (points_enu_m[:, :2] - (self.tiles.west_m, self.tiles.south_m)) // (BLOCK * self.tiles.cell_m)
-        col, row = place.astype(np.int64).T
-        corners = {(int(r) * BLOCK, int(c) * BLOCK) for r, c in zip(row, col, strict=True)}
-        return [Box(r, r + BLOCK, c, c + BLOCK) for r, c in sorted(corners)]
-
-    def _box_within(self, west_m: float, south_m: float, east_m: float, north_m: float) -> Box:
-        """Return the finest cells that a rectangle touches."""
-        tiles = self.tiles
-        rows = (math.floor((m - tiles.south_m) / tiles.cell_m) for m in (south_m, north_m))
-        cols = (math.floor((m - tiles.west_m) / tiles.cell_m) for m in (west_m, east_m))
-        (row0, row1), (col0, col1) = rows, cols
-        return Box(row0, row1 + 1, col0, col1 + 1)
+    def _box_within(self, west_m: float, south_m: float, east_m: float, north_m: float) -> Sequence[int]:
+        """Return row0, row1, col0, col1 of the finest cells that a rectangle touches."""
+        west, south, cell_m = self.tiles.west_m, self.tiles.south_m, self.tiles.cell_m
+        row0, row1 = math.floor((south_m - south) / cell_m), math.floor((north_m - south) / cell_m) + 1
+        return row0, row1, math.floor((west_m - west) / cell_m), math.floor((east_m - west) / cell_m) + 1
 
     def _aged(self, now_s: float) -> list[Key]:
         """Return the tiles to derive again as a whole because some of their cells became too old.
@@ -231,12 +236,12 @@ class EvidenceTerrain(UnboundedTerrain):
         longest_s = AGEING * self._parameters.max_age_s
         share = min(1.0, (now_s - self._aged_s) / ((1 - PATIENCE) * longest_s))
         self._aged_s = now_s
-        late = ((now_s - too_old_s - at_s, key) for key, at_s in self._oldest_s.items())
-        old = sorted(((late_s, key) for late_s, key in late if late_s > PATIENCE * longest_s), reverse=True)
-        some = math.ceil(share * len(self._oldest_s))
+        late = self.tiles.overdue(too_old_s)
+        old = [(late_s, key) for late_s, key in late if late_s > PATIENCE * longest_s]
+        some = math.ceil(share * len(self.tiles))
         due = [key for i, (late_s, key) in enumerate(old) if i < some or late_s > longest_s]
         for key in due:
-            self._oldest_s[key] = self.tiles.oldest_s(key, now_s - too_old_s)
+            self.tiles.look_for_oldest(key, now_s - too_old_s)
         return due
 
     def pin(self, enu_m: NDArray[np.float64] | None, around_m: float = 0.0) -> None:
@@ -266,13 +271,14 @@ class EvidenceTerrain(UnboundedTerrain):
 
     # ---- maps out -------------------------------------------------------------------------------
 
-    def _derive_all(self, hit: Iterable[Box], hits: Sequence[Hits], altered: Sequence[Box]) -> None:
-        """Derive all maps that depend on changed finest cells: those hit, within boxes, and altered boxes."""
-        rows = rows_of_patch(self.radius)
-        altered = [_widened(box, self.level, self._margin) for box in altered]
-        hit = [_widened(box, self.level, self._margin) for box in hit]
-        for box in _regions(_in_patches(part, rows) for part in (*hit, *altered)):
-            self._derive(box, hits, altered)
+    def _derive_all(self, changes: Changes) -> None:
+        """Derive all maps that depend on changed finest cells."""
+        tiles, margin, rows = self.tiles, self._margin, rows_of_patch(self.radius)
+        place = tiles.west_m, tiles.south_m, tiles.cell_m
+        around = [blocks_around(points, *place, BLOCK) for points in changes.points_enu_m if len(points)]
+        boxes = np.concatenate([changes.hit, changes.altered, *around])
+        for region in regions(boxes, self.level, margin, rows, DERIVED_BLOCK).tolist():
+            self._derive(Box(*region), changes)
 
     def _cells(self, box: Box) -> NDArray[np.float32]:
         max_age_s = (1 - AGEING) * self._parameters.max_age_s  # so that no cell is shown beyond `max_age_s`
@@ -293,7 +299,7 @@ class EvidenceTerrain(UnboundedTerrain):
             raise_tops(self.wires_m, west_m, south_m, cell_m, self._reach.gap, cells)
         return cells
 
-    def _derive(self, box: Box, hits: Sequence[Hits], altered: Sequence[Box]) -> None:
+    def _derive(self, box: Box, changes: Changes) -> None:
         """Derive the maps of a box where the evidence of the box and its surroundings changed."""
         m = self._margin
         around = Box(box.row0 - m, box.row1 + m, box.col0 - m, box.col1 + m)
@@ -307,11 +313,11 @@ class EvidenceTerrain(UnboundedTerrain):
             )
             refused = self.surface.refused(west_m, south_m, cell_m, rows, cols)
         seen = CoveredCells.of(cells, self._reach, self.grid.cell_m, self._parameters, refused)
-        keys, n = self._maps.derive(box, seen, self._changed(around, hits, altered))
+        keys, n = self._maps.derive(box, seen, self._changed(around, changes))
         self.changed_tiles.update(keys)
         self.n_derived += n
 
-    def _changed(self, around: Box, hits: Sequence[Hits], altered: Sequence[Box]) -> Bits:
+    def _changed(self, around: Box, changes: Changes) -> Bits:
         """Return the cells of a box whose statistics may have changed.
 
         In coarser cells one of several finest cells may have aged unnoticed, so that all count as changed.
@@ -319,11 +325,12 @@ class EvidenceTerrain(UnboundedTerrain):
         if self.level:
             return np.full((around.shape[0], (around.shape[1] + 63) >> 6), ALL)
         out = np.zeros((around.shape[0], (around.shape[1] + 63) >> 6), np.uint64)
-        for corner, words in hits:
-            or_hits(words, *corner, around.row0, around.col0, out)
-        for box in altered:
-            there = box.relative_to(around)
-            set_box(out, there.row0, there.row1, there.col0, there.col1)
+        corner = around.row0, around.col0
+        for tile, words in changes.hits:
+            or_hits(words, *tile, *corner, out)
+        for points in changes.points_enu_m:
+            or_points(points, self.tiles.west_m, self.tiles.south_m, self.tiles.cell_m, *corner, out)
+        or_boxes(changes.altered, self._margin, *corner, out)
         return out
 
     def moved(self, grid: Grid) -> EvidenceTerrain:
@@ -344,8 +351,7 @@ class EvidenceTerrain(UnboundedTerrain):
         new.pinned, new._aged_s, new._thin = self.pinned, self._aged_s, self._thin
         new.surface, new.arrivals, new.wires_m = self.surface, self.arrivals, self.wires_m
         new._seen = _widened(_scaled(self._seen, self.level), level, 0)
-        new._derive_all([], (), self.tiles.boxes)
-        new._oldest_s = dict(self._oldest_s)
+        new._derive_all(Changes(altered=self.tiles.boxes))
         return new
 
     def maps_at_level(self, level: int) -> EvidenceTerrain:
@@ -463,36 +469,3 @@ def _widened(fine: Box, level: int, margin: int) -> Box:
         (fine.col0 >> level) - margin,
         ((fine.col1 - 1) >> level) + 1 + margin,
     )
-
-
-def _in_patches(box: Box, rows: int) -> Box:
-    """Return the patches that a box touches: with whole patches a cell's maps do not depend on the box."""
-    if box.empty:
-        return box
-    return Box(
-        box.row0 // rows * rows,
-        -(-box.row1 // rows) * rows,
-        box.col0 // COLS * COLS,
-        -(-box.col1 // COLS) * COLS,
-    )
-
-
-def _regions(boxes: Iterable[Box]) -> Iterator[Box]:
-    """Yield few disjoint boxes that cover the given ones, none longer than `DERIVED_BLOCK`."""
-    boxes = [box for box in boxes if not box.empty]
-    whole = hull(boxes)
-    if max(whole.shape) <= DERIVED_BLOCK:
-        yield from [] if whole.empty else [whole]
-        return
-    parts: dict[Key, list[Box]] = {}
-    for box in boxes:
-        for row in range(box.row0 // DERIVED_BLOCK, (box.row1 - 1) // DERIVED_BLOCK + 1):
-            for col in range(box.col0 // DERIVED_BLOCK, (box.col1 - 1) // DERIVED_BLOCK + 1):
-                part = Box(
-                    max(box.row0, row * DERIVED_BLOCK),
-                    min(box.row1, (row + 1) * DERIVED_BLOCK),
-                    max(box.col0, col * DERIVED_BLOCK),
-                    min(box.col1, (col + 1) * DERIVED_BLOCK),
-                )
-                parts.setdefault((row, col), []).append(part)
-    yield from map(hull, parts.values())

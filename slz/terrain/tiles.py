@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from slz.kernels.cells.cell_record import COUNT, FIELDS, TILE, TIME
 from slz.kernels.cells.cell_statistics import stretches, summarise
 from slz.kernels.points.clutter import ground_and_rays
 from slz.terrain.demand_zero import prefault_range
-from slz.tile_keys import Key, box_of_tile, keys_over, tiles_over
+from slz.tile_keys import Key, boxes_of_tiles, keys_over, tiles_over
 from slz.tile_store import TileStore
 
 TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
@@ -43,18 +43,26 @@ class Noise:
     angle_rad: float
 
 
+Boxes = NDArray[np.int64]
+
+
+def no_boxes() -> Boxes:
+    """Return none."""
+    return np.empty((0, 4), np.int64)
+
+
 Hits = tuple[Key, NDArray[np.uint64]]
 """First tile of a rectangle of tiles, and (rows, columns, TILE) words: a bit for each cell hit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Change:
-    """Effect of a window: boxes of cells hit by tile, tiles evicted for them, points without a tile.
+    """Effect of a window: tiles evicted for it, and points without a tile.
 
-    hits: which cells were hit.
+    boxes: (n, 4) row0, row1, col0, col1 (half open) of the cells hit in each tile. hits: which these are.
     """
 
-    boxes: tuple[Box, ...] = ()
+    boxes: Boxes = field(default_factory=no_boxes)
     evicted: tuple[Key, ...] = ()
     n_dropped: int = 0
     hits: tuple[Hits, ...] = ()
@@ -62,7 +70,7 @@ class Change:
     def together_with(self, other: Change) -> Change:
         """Return the effect of both."""
         return Change(
-            self.boxes + other.boxes,
+            np.concatenate([self.boxes, other.boxes]),
             self.evicted + other.evicted,
             self.n_dropped + other.n_dropped,
             self.hits + other.hits,
@@ -87,6 +95,7 @@ class Tiles:
         self._pool = _aligned((capacity, TILE, TILE, 2, FIELDS))
         self._store = TileStore(capacity)
         self._last_s: dict[Key, float] = {}
+        self._oldest_s = np.full(capacity, np.inf)  # last seen time of each tile's cell not seen for longest
         self.datum_m = 0.0
         """Height of the zero of the stored heights: not included in them, added on output."""
         self.latest_s = 0.0
@@ -105,9 +114,9 @@ class Tiles:
         return self._store.n_free
 
     @property
-    def boxes(self) -> tuple[Box, ...]:
-        """Boxes of all tiles held."""
-        return tuple(box_of_tile(key) for key in self._store.slot)
+    def boxes(self) -> Boxes:
+        """Boxes of all tiles held, as those of a change."""
+        return boxes_of_tiles(self._store.slot)
 
     def now_s(self, stamp_s: float) -> float:
         """Return the time since the first stamp; single precision keeps it to milliseconds for hours.
@@ -146,16 +155,18 @@ class Tiles:
         corner, shape = tiles_over(Box(*hit))
         count = count_by_tile(at, *corner, *shape)
         wanted = np.argwhere(count) + np.array(corner)
-        evicted = self._make_room([(int(r), int(c)) for r, c in wanted], sensor_enu_m, now_s, pinned)
+        evicted = self._make_room([(r, c) for r, c in wanted.tolist()], sensor_enu_m, now_s, pinned)
         cells, samples = sorted_by_tile(
             points_enu_m, at, sensor_enu_m, noise.range_m, noise.angle_rad, *corner, count
         )
         table, hit_boxes = self._store.table(Box(*hit)), np.zeros((*shape, 4), np.int64)
+        slots = table[(count > 0) & (table >= 0)]
+        self._oldest_s[slots] = np.minimum(self._oldest_s[slots], now_s)
         hits = np.zeros((*shape, TILE), np.uint64)
         used = accumulate(
             cells, samples, count, *corner, now_s, hold_s, max_age_s, self._pool, table, hit_boxes, hits
         )
-        boxes = tuple(Box(*map(int, row)) for row in hit_boxes[hit_boxes[..., 0] < hit_boxes[..., 1]])
+        boxes = hit_boxes[hit_boxes[..., 0] < hit_boxes[..., 1]]
         return Change(boxes, evicted, inside - int(used), ((corner, hits),))
 
     def _make_room(
@@ -179,7 +190,8 @@ class Tiles:
                 if victim is None:
                     break
                 evicted.append(victim)
-                self._pool[store.drop(victim)] = 0
+                slot = store.drop(victim)
+                self._pool[slot], self._oldest_s[slot] = 0, np.inf
                 del self._last_s[victim]
             store.take(key)
             self._last_s[key] = now_s
@@ -210,8 +222,18 @@ class Tiles:
         cols = box.col0 % TILE, box.shape[1]
         return summarise(self._pool.reshape(-1), places, *cols, self.latest_s, max_age_s)
 
-    def oldest_s(self, key: Key, since_s: float) -> float:
-        """Return the last seen time of the tile's cell not seen for longest; infinity for none.
+    def overdue(self, most_s: float) -> list[tuple[float, Key]]:
+        """Return how much longer than `most_s` the oldest cell of each tile was not seen, the most first.
+
+        Tiles where that is no time are left out.
+        """
+        late_s = self.latest_s - most_s - self._oldest_s
+        if not (late_s > 0).any():
+            return []
+        return sorted(((float(late_s[slot]), key) for key, slot in self._store.slot.items()), reverse=True)
+
+    def look_for_oldest(self, key: Key, since_s: float) -> None:
+        """Look anew for the tile's cell not seen for longest.
 
         Parameters
         ----------
@@ -220,9 +242,10 @@ class Tiles:
         """
         slot = self._store.slot.get(key)
         if slot is None:
-            return math.inf
+            return
         seen_s = self._pool[slot, :, :, 1, TIME][self._pool[slot, :, :, 0, COUNT] > 0]
-        return float(seen_s[seen_s >= since_s - TIME_ROUNDING * (abs(since_s) + 1000)].min(initial=math.inf))
+        young = seen_s[seen_s >= since_s - TIME_ROUNDING * (abs(since_s) + 1000)]
+        self._oldest_s[slot] = young.min(initial=np.inf)
 
     def differences(self, points_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (m, 4) of the points over known cells: east, north, height above the mean, and index."""

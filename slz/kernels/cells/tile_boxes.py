@@ -7,15 +7,17 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D
+from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, Strided2D
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
 from slz.kernels.cells.tile_directory import Directory, slot_at
+from slz.kernels.footprint.patch import COLS
 from slz.kernels.jit import kernel, kernel_for_any_types, kernel_part
-from slz.kernels.raster.bitmap import ALL, NONE, Bits, word_at, word_mask
+from slz.kernels.raster.bitmap import ALL, NONE, ONE, Bits, word_at, word_mask
 
 Value = TypeVar("Value", np.float32, np.uint8)
 Values = NDArray[Any]
 Table = Array2D[np.int32]
+LARGEST = 2**62
 
 
 @kernel_for_any_types
@@ -202,11 +204,80 @@ def or_hits(hits: Array3D[np.uint64], tile_row: int, tile_col: int, row0: int, c
 
 
 @kernel
-def set_box(out: Bits, row0: int, row1: int, col0: int, col1: int) -> None:
-    """Set the bits of a box of cells; cells outside are left out."""
-    for r in range(max(0, row0), min(len(out), row1)):
-        for w in range(max(0, col0 >> 6), min(out.shape[1], ((col1 - 1) >> 6) + 1)):
-            out[r, w] |= word_mask(col0 - 64 * w, col1 - 64 * w)
+def or_boxes(boxes: Array2D[np.int64], margin: int, row0: int, col0: int, out: Bits) -> None:
+    """Set the bits of boxes (n, 4) with a margin, as far as they are in a box of bits."""
+    for k in range(len(boxes)):
+        west, east = boxes[k, 2] - margin - col0, boxes[k, 3] + margin - col0
+        for r in range(max(0, boxes[k, 0] - margin - row0), min(len(out), boxes[k, 1] + margin - row0)):
+            for w in range(max(0, west >> 6), min(out.shape[1], ((east - 1) >> 6) + 1)):
+                out[r, w] |= word_mask(west - 64 * w, east - 64 * w)
+
+
+@kernel
+def or_points(
+    points: Strided2D[np.float64], west: float, south: float, cell: float, row0: int, col0: int, out: Bits
+) -> None:
+    """Set the bits of the cells of points (n, 3) that are in a box of bits; cells count from a corner."""
+    for i in range(len(points)):
+        r = int(np.floor((points[i, 1] - south) / cell)) - row0
+        c = int(np.floor((points[i, 0] - west) / cell)) - col0
+        if 0 <= r < len(out) and 0 <= c < 64 * out.shape[1]:
+            out[r, c >> 6] |= ONE << np.uint64(c & 63)
+
+
+@kernel
+def blocks_around(
+    points: Strided2D[np.float64], west: float, south: float, cell: float, block: int
+) -> Array2D[np.int64]:
+    """Return (n, 4) the box of `block` x `block` cells that each point (n, 3) is in."""
+    out = np.empty((len(points), 4), np.int64)
+    for i in range(len(points)):
+        out[i, 0] = block * int(np.floor((points[i, 1] - south) / (block * cell)))
+        out[i, 2] = block * int(np.floor((points[i, 0] - west) / (block * cell)))
+        out[i, 1], out[i, 3] = out[i, 0] + block, out[i, 2] + block
+    return out
+
+
+@kernel
+def regions(boxes: Array2D[np.int64], level: int, margin: int, high: int, most: int) -> Array2D[np.int64]:
+    """Return few disjoint boxes (k, 4) of whole patches that cover boxes (n, 4) with a margin.
+
+    Parameters
+    ----------
+    boxes
+        Of finest cells; the result and the margin are in cells of a level, 2^level times as wide.
+    high, most
+        Rows of a patch, and the longest side of a box.
+    """
+    wide = np.empty((len(boxes), 4), np.int64)
+    hull, n = np.array([LARGEST, -LARGEST, LARGEST, -LARGEST]), 0
+    for k in range(len(boxes)):
+        if boxes[k, 0] < boxes[k, 1] and boxes[k, 2] < boxes[k, 3]:
+            for axis, side in ((0, high), (2, COLS)):
+                wide[n, axis] = ((boxes[k, axis] >> level) - margin) // side * side
+                wide[n, axis + 1] = -(-(((boxes[k, axis + 1] - 1) >> level) + 1 + margin) // side) * side
+                hull[axis] = min(hull[axis], wide[n, axis])
+                hull[axis + 1] = max(hull[axis + 1], wide[n, axis + 1])
+            n += 1
+    if n == 0 or max(hull[1] - hull[0], hull[3] - hull[2]) <= most:
+        return hull.copy().reshape(1, 4)[: min(1, n)]
+    out, found = np.empty((16, 4), np.int64), 0
+    for k in range(n):
+        for row in range(wide[k, 0] // most, (wide[k, 1] - 1) // most + 1):
+            for col in range(wide[k, 2] // most, (wide[k, 3] - 1) // most + 1):
+                north, east = min(wide[k, 1], (row + 1) * most), min(wide[k, 3], (col + 1) * most)
+                south, west = max(wide[k, 0], row * most), max(wide[k, 2], col * most)
+                at = 0
+                while at < found and (out[at, 0] // most != row or out[at, 2] // most != col):
+                    at += 1
+                if at == found:
+                    if found == len(out):
+                        out = np.concatenate((out, np.empty_like(out)))
+                    out[at, 0], out[at, 1], out[at, 2], out[at, 3] = south, north, west, east
+                    found += 1
+                out[at, 0], out[at, 1] = min(out[at, 0], south), max(out[at, 1], north)
+                out[at, 2], out[at, 3] = min(out[at, 2], west), max(out[at, 3], east)
+    return out[:found].copy()
 
 
 @kernel
