@@ -196,4 +196,4 @@ def _exceed(returned: Points, before: Points, since: Points) -> Flags:
 def _in_one_only(a: Points, b: Points) -> Points:
     """Return the points that are in one of two sets (n, 3) only."""
     rows_of_a, rows_of_b = ({*points.view("V24").ravel().tolist()} for points in (a, b))
-    return np.frombuffer(b"".join(sorted(rows_of_a ^ rows_of_b))).reshape(-1, 3)
+    return np.frombuffer(bytearray().join(sorted(rows_of_a ^ rows_of_b))).reshape(-1, 3)
