@@ -187,9 +187,9 @@ class EvidenceTerrain(UnboundedTerrain):
             )
             if len(ground):
                 change = change.together_with(self._accumulate(ground, sensor_enu_m))
-            points.append(self._thin.altered_enu_m)
+            points.append(np.ascontiguousarray(self._thin.altered_enu_m))
         if self.arrivals is not None:
-            points.append(self.arrivals.altered_enu_m)
+            points.append(np.ascontiguousarray(self.arrivals.altered_enu_m))
         edges = [self._box_within(*edges) for edges in altered_m]
         altered = np.concatenate([np.array(edges, np.int64).reshape(-1, 4), boxes_of_tiles(change.evicted)])
         self._derive_all(Changes(change.boxes, change.hits, points, altered))

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, Strided2D
+from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, ReadOnly2D
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
 from slz.kernels.cells.tile_directory import Directory, slot_at
 from slz.kernels.footprint.patch import COLS
@@ -215,7 +215,7 @@ def or_boxes(boxes: Array2D[np.int64], margin: int, row0: int, col0: int, out: B
 
 @kernel
 def or_points(
-    points: Strided2D[np.float64], west: float, south: float, cell: float, row0: int, col0: int, out: Bits
+    points: ReadOnly2D[np.float64], west: float, south: float, cell: float, row0: int, col0: int, out: Bits
 ) -> None:
     """Set the bits of the cells of points (n, 3) that are in a box of bits; cells count from a corner."""
     for i in range(len(points)):
@@ -227,7 +227,7 @@ def or_points(
 
 @kernel
 def blocks_around(
-    points: Strided2D[np.float64], west: float, south: float, cell: float, block: int
+    points: ReadOnly2D[np.float64], west: float, south: float, cell: float, block: int
 ) -> Array2D[np.int64]:
     """Return (n, 4) the box of `block` x `block` cells that each point (n, 3) is in."""
     out = np.empty((len(points), 4), np.int64)
