@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import gammaln, log_ndtr, pdtrc
 
+from slz.kernels.lines.curve_evidence import fullest_share
 from slz.kernels.lines.voxel_occupancy import VOXEL_M
 
 PER_WINDOW = 1e-4  # false wires expected in a window; one in three hours of windows of a second
@@ -42,7 +43,7 @@ def log_false_alarms(
         Number of stored returns; any three of them define a curve.
     """
     all_around = _share(int(occupied.sum()), int(above.sum())) * math.pi * tube_m**2 / VOXEL_M**2
-    in_plane = _fullest(occupied, above, places) * 2 * tube_m / VOXEL_M
+    in_plane = fullest_share(occupied, above, max(1.0, ABOVE * places)) * 2 * tube_m / VOXEL_M
     expected = places * min(1.0, max(all_around, in_plane))
     tests = gammaln(returns + 1) - gammaln(max(0, returns - DEFINING) + 1) - math.log(6)
     others = on_curve - DEFINING
@@ -54,18 +55,3 @@ def log_false_alarms(
 
 def _share(occupied: int, above: int) -> float:
     return (occupied + 1) / (above + 1)
-
-
-def _fullest(occupied: NDArray[np.int64], above: NDArray[np.int64], places: int) -> float:
-    """Return the share of the voxels that are occupied in the fullest direction.
-
-    Its fullest ring does not count where there are others: there is room for another wire.
-    """
-    told = np.where(above >= max(1.0, ABOVE * places), above, 0)
-    held = np.where(told > 0, occupied, 0)
-    shares = held / np.maximum(told, 1)
-    rows, fullest = np.arange(len(held)), shares.argmax(axis=1)
-    several = (told > 0).sum(axis=1) > 1
-    some = held.sum(axis=1) - np.where(several, held[rows, fullest], 0)
-    looked = told.sum(axis=1) - np.where(several, told[rows, fullest], 0)
-    return float(np.where(looked > 0, (some + 1) / (looked + 1), 0.0).max())

@@ -8,28 +8,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.air.seen_air import SeenAir
+from slz.kernels.lines.candidates import renew
 from slz.kernels.lines.voxel_occupancy import (
     AGREED_M,
     DIRECTIONS,
-    HELD,
+    DOWN,
     LEVELS,
-    LOW,
     NOWHERE,
+    RING_M,
     SIDE,
     VOXEL_M,
+    add_returns,
+    are_thin,
     around_curve,
     first_support,
     floor_below,
-    heights_over_floor,
-    neighbour_directions,
-    occupy,
     vacate,
 )
 from slz.wires.sagging_curve import SaggingCurve
 
 EPOCH_S = 10.0
 EPOCHS, KEPT = 250, 13  # after `EPOCHS` all is forgotten; `KEPT` are looked at
-MOST_NEIGHBOURS = 5  # directions in which the air beside a return of a wire is occupied
 BELOW_SENSOR_M = 3.0  # from which a return may be ground that was not seen yet
 UNDER_M, FEWEST_BELOW = 3.0, 50  # distance from the sensor over ground, and returns, that tell what is below
 FENCE_M = 2.5  # over the floor, or the ground below the sensor where no floor is known: lower is no wire
@@ -38,15 +37,19 @@ LOOKED_AT = 0.1  # least share of the air below a curve
 LEAST_OVER_M = 1.5  # of a wire over the ground, lower than which it is not followed
 
 Floats = NDArray[np.float64]
+Rows = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
 class Surrounding:
-    """Numbers of voxels around a curve, (directions, rings): occupied, looked at, and high over the floor."""
+    """Numbers of voxels around a curve, (directions, rings): occupied, and high over the floor.
+
+    seen_below: voxels below it that were looked at.
+    """
 
     occupied: NDArray[np.int64]
-    looked_at: NDArray[np.int64]
     above: NDArray[np.int64]
+    seen_below: int
 
     def is_high(self, places: int) -> bool:
         """Return whether a curve of this many places is high over the floor nearly everywhere."""
@@ -55,8 +58,7 @@ class Surrounding:
     @property
     def below_is_seen(self) -> bool:
         """Whether air below the curve was looked at."""
-        down = slice(5 * DIRECTIONS // 8, 7 * DIRECTIONS // 8 + 1)
-        return bool(self.looked_at[down].sum() >= LOOKED_AT * self.above[down].sum())
+        return bool(self.seen_below >= LOOKED_AT * self.above[slice(*DOWN)].sum())
 
 
 def _ground_below_m(points_m: Floats, sensor_m: Floats) -> float:
@@ -92,8 +94,8 @@ class OccupiedAir:
         self._started_s: float | None = None
         self._epoch = 1
 
-    def add(self, points_m: Floats, sensor_m: Floats, now_s: float) -> Floats:
-        """Add a window's returns (n, 3); return their heights over the floor, see `heights_over_floor`."""
+    def add(self, points_m: Floats, rows: Rows, sensor_m: Floats, now_s: float) -> Rows:
+        """Add some rows of a window's returns (n, 3); return those higher than a fence, or over no floor."""
         if self._started_s is None:
             self._started_s = now_s
         epoch = 1 + int((now_s - self._started_s) // EPOCH_S)
@@ -104,38 +106,32 @@ class OccupiedAir:
         east, north, up = sensor_m.tolist()
         floor_m = floor_below(east, north, self._lowest, self._cell)
         if not np.isfinite(floor_m):
-            floor_m = _ground_below_m(points_m, sensor_m)
+            floor_m = _ground_below_m(points_m[rows], sensor_m)
         ceiling_m = max(up - BELOW_SENSOR_M, floor_m + FENCE_M)
         self._windows += 1
+        air = self._occupied, self._column, self._lowest, self._cell
         scratch = self._windows, self._below, self._below_of
-        over = heights_over_floor(points_m, ceiling_m, self._lowest, self._cell, *scratch)
-        occupy(points_m, over, epoch, self._occupied, self._column)
-        return over
+        return add_returns(points_m, rows, ceiling_m, FENCE_M, epoch, *air, *scratch)
 
-    def is_thin(self, points_m: Floats) -> NDArray[np.bool_]:
-        """Return which points (n, 3) are not part of a surface or a volume: the air beside them is free."""
-        place = (*self._epochs, self._occupied, self._column)
-        count = neighbour_directions(np.ascontiguousarray(points_m), *place, MOST_NEIGHBOURS + 1)
-        return np.asarray(count <= MOST_NEIGHBOURS)
+    def is_thin(self, candidates: Floats) -> NDArray[np.bool_]:
+        """Return which candidates are not part of a surface or a volume: the air beside them is free."""
+        return are_thin(candidates, *self._epochs, self._occupied, self._column)
 
-    def is_raised(self, points_m: Floats) -> NDArray[np.bool_]:
-        """Return which points (n, 3) are higher over the floor known by now than a fence, or over none."""
-        scratch = self._windows, self._below, self._below_of
-        points, unchanged = np.ascontiguousarray(points_m), -np.inf
-        over = heights_over_floor(points, unchanged, self._lowest, self._cell, *scratch)
-        return np.asarray(over >= FENCE_M)
+    def renew(self, stored: Floats, n: int, new: Floats, now_s: float, window: int) -> tuple[int, int]:
+        """Renew stored candidates, see `slz.kernels.lines.candidates.renew`."""
+        epoch, oldest = self._epochs
+        air = self._occupied, self._column, self._lowest, self._cell
+        return renew(stored, n, new, now_s, window, FENCE_M, epoch, oldest, *air)
 
     def around(self, curve: SaggingCurve, start_m: float, stop_m: float) -> Surrounding:
         """Return what is known of the air around a curve, from one place along it to another."""
         s = np.arange(start_m, stop_m + VOXEL_M / 2, VOXEL_M)
-        east, north = curve.along.tolist()
         place = (*self._epochs, self._occupied, self._column, self._lowest, self._cell)
-        places, known = around_curve(curve.points_enu_m(s), east, north, *place)
-        held, above = known == HELD, known != LOW
-        looked_at = above
-        if self._rays is not None:
-            looked_at = held | (above & (self._rays.rays_through(places) > 0).reshape(known.shape))
-        return Surrounding(held.sum(axis=0), looked_at.sum(axis=0), above.sum(axis=0))
+        held, above = np.zeros((2, DIRECTIONS, len(RING_M)), np.int64)
+        free = np.empty((len(s) * (DOWN[1] - DOWN[0]) * len(RING_M), 3))
+        n = around_curve(s, curve.place_m, curve.along, curve.heights, held, above, free, *place)
+        seen = n if self._rays is None else np.count_nonzero(self._rays.rays_through(free[:n]))
+        return Surrounding(held, above, int(held[slice(*DOWN)].sum() + seen))
 
     def vacate(self, curve: SaggingCurve, start_m: float, stop_m: float) -> None:
         """Make the air at a known wire unoccupied, so that it hides no other wire."""

@@ -64,14 +64,7 @@ class SaggingCurve:
         return np.column_stack([level, self.height_m(s)])
 
 
-def fit_curve(points_enu_m: Floats, sigma_m: Floats) -> SaggingCurve | None:
-    """Fit a curve to returns; None where they have no direction or none that hangs.
-
-    Parameters
-    ----------
-    points_enu_m, sigma_m
-        (n, 3) returns, two at least, and (n,) standard deviations of their places (m).
-    """
+def fit_curve(candidates: Floats) -> SaggingCurve | None:
+    """Fit a curve to candidates, two at least; None where they have no direction or none that hangs."""
     fields = np.empty(FIELDS)
-    points, sigma = np.ascontiguousarray(points_enu_m), np.ascontiguousarray(sigma_m)
-    return SaggingCurve.of(fields) if fit_returns(points, sigma, np.arange(len(sigma)), fields) else None
+    return SaggingCurve.of(fields) if fit_returns(candidates, np.arange(len(candidates)), fields) else None

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.lines.candidate_record import SENSOR, SIGMA, UP
 from slz.kernels.lines.curve_fit import GAP_M, GATES
 from slz.kernels.lines.line_votes import rays_past
 from slz.wires.detected_wire import Wire
 from slz.wires.line_search import MOST_MISFIT, Found, is_explained
-from slz.wires.occupied_air import OccupiedAir
+from slz.wires.occupied_air import OccupiedAir, Rows
 from slz.wires.sagging_curve import SaggingCurve, fit_curve
-from slz.wires.wire_candidates import WireCandidates
 
 MOST_RETURNS = 400  # kept for the fit
 EXTENSION, MOST_EXTENSION_M = 0.5, 100.0  # of the length seen, beyond each end
@@ -24,6 +24,11 @@ ALIKE_M, ALIKE_COSINE = 0.5, 0.998  # between two curves of one wire
 Floats = NDArray[np.float64]
 
 
+def median_range_m(candidates: Floats) -> float:
+    """Return the median distance of candidates from the sensor."""
+    return float(np.median(np.linalg.norm(candidates[:, :SIGMA] - candidates[:, SENSOR:], axis=1)))
+
+
 class TrackedWire:
     """Wire with the returns that it is fitted to.
 
@@ -33,7 +38,7 @@ class TrackedWire:
         As in `Wire`, in stored heights.
     """
 
-    def __init__(self, number: int, found: Found, returns: WireCandidates, stamp_ns: int) -> None:
+    def __init__(self, number: int, found: Found, returns: Floats, stamp_ns: int) -> None:
         self.number = number
         self.curve, self.start_m, self.stop_m = found.curve, found.start_m, found.stop_m
         self.n_returns = len(returns)
@@ -41,9 +46,7 @@ class TrackedWire:
         self._first_ns = self._last_ns = stamp_ns
         self._hits, self._rays = float(len(returns)), len(returns) / USUAL_SHARE
         self._rays_since, self._grew = 0.0, True  # since the last return, and whether one is of this window
-        self._farthest_m = float(
-            np.median(np.linalg.norm(returns.points_enu_m - returns.sensors_enu_m, axis=1))
-        )
+        self._farthest_m = median_range_m(returns)
         self._extended = self.start_m, self.stop_m, (False, False)
 
     def distance_m(self, enu_m: Floats) -> float:
@@ -52,30 +55,31 @@ class TrackedWire:
         near = self.curve.points_enu_m(np.clip(along_m, self.start_m, self.stop_m))[0]
         return float(np.hypot(*(near[:2] - enu_m[:2])))
 
-    def near(self, points_enu_m: Floats, sigma_m: Floats) -> NDArray[np.bool_]:
-        """Return which returns (n, 3) are on the curve, or on its continuation up to `GAP_M`."""
-        along_m, across_m = self.curve.distances_m(points_enu_m)
+    def near(self, candidates: Floats) -> NDArray[np.bool_]:
+        """Return which candidates are on the curve, or on its continuation up to `GAP_M`."""
+        along_m, across_m = self.curve.distances_m(candidates)
+        sigma_m = candidates[:, SIGMA]
         near = np.abs(across_m) <= GATES[-1] * np.hypot(sigma_m, self.curve.aside_sd_m)
         near &= (along_m >= self.start_m - GAP_M) & (along_m <= self.stop_m + GAP_M)
         at = np.flatnonzero(near)
-        off = np.abs(points_enu_m[at, 2] - self.curve.height_m(along_m[at]))
+        off = np.abs(candidates[at, UP] - self.curve.height_m(along_m[at]))
         near[at] = off <= GATES[-1] * np.hypot(sigma_m[at], self.curve.height_sd_m(along_m[at]))
         return near
 
-    def grow(self, new: WireCandidates, air: OccupiedAir, stamp_ns: int) -> None:
+    def grow(self, new: Floats, air: OccupiedAir, stamp_ns: int) -> None:
         """Fit the curve to new returns as well; what leads beyond the ends must be thin."""
-        along_m, _ = self.curve.distances_m(new.points_enu_m)
+        along_m, _ = self.curve.distances_m(new)
         beyond = (along_m < self.start_m) | (along_m > self.stop_m)
         if beyond.any():
-            thin = air.is_thin(new.points_enu_m[beyond])
+            thin = air.is_thin(new[beyond])
             keep = ~beyond
             keep[np.flatnonzero(beyond)[thin]] = True
-            new = new.some(keep)
+            new = new[keep]
         if not len(new):
             return
         self._saw(new, stamp_ns)
-        together = self._returns.joined_with(new)
-        curve = fit_curve(together.points_enu_m, together.sigma_m)
+        together = np.concatenate([self._returns, new])
+        curve = fit_curve(together)
         if curve is None or curve.misfit > max(MOST_MISFIT, self.curve.misfit):
             return
         self._become(curve, together)
@@ -86,8 +90,8 @@ class TrackedWire:
             return False
         if not self._meets(other):
             return False
-        together = self._returns.joined_with(other._returns)
-        curve = fit_curve(together.points_enu_m, together.sigma_m)
+        together = np.concatenate([self._returns, other._returns])
+        curve = fit_curve(together)
         if curve is None or curve.misfit > MOST_MISFIT:
             return False
         ends = np.concatenate([self._ends(), other._ends()])
@@ -111,17 +115,18 @@ class TrackedWire:
     def count_rays(
         self,
         points: Floats,
+        rows: Rows,
         origin: NDArray[np.uint16],
         origins: Floats,
         first: int,
         stride: int,
     ) -> None:
-        """Count the rays of every `stride`-th return that passed the wire as near as its returns were."""
+        """Count the rays of every `stride`-th row that passed the wire as near as its returns were."""
         place = np.array([*self.curve.place_m, *self.curve.along])
         ends = np.array([self.start_m, self.stop_m])
         heights = np.ascontiguousarray(self.curve.heights)
         line = (place, heights, ends, HALF_M, self._farthest_m)
-        count = stride * rays_past(points, origin, origins, first, stride, *line)
+        count = stride * rays_past(points, rows, origin, origins, first, stride, *line)
         if self._grew:
             self._rays += self._rays_since + count
             self._rays_since, self._grew = 0.0, False
@@ -130,7 +135,8 @@ class TrackedWire:
 
     def is_surface(self, air: OccupiedAir) -> bool:
         """Return whether the air around holds as many returns as the wire by now."""
-        found = Found(self.curve, np.arange(len(self._returns)), self.start_m, self.stop_m)
+        along_m, _ = self.curve.distances_m(self._returns)
+        found = Found(self.curve, np.arange(len(along_m)), along_m, self.start_m, self.stop_m)
         return is_explained(found, self._returns, air)
 
     @property
@@ -154,21 +160,21 @@ class TrackedWire:
             self._last_ns,
         )
 
-    def _saw(self, new: WireCandidates, stamp_ns: int) -> None:
+    def _saw(self, new: Floats, stamp_ns: int) -> None:
         self.n_returns += len(new)
         self._last_ns = stamp_ns
         self._hits, self._grew = self._hits + len(new), True
-        ranges = np.linalg.norm(new.points_enu_m - new.sensors_enu_m, axis=1)
-        self._farthest_m += (float(np.median(ranges)) - self._farthest_m) * min(0.5, len(new) / self._hits)
+        share = min(0.5, len(new) / self._hits)
+        self._farthest_m += (median_range_m(new) - self._farthest_m) * share
 
     def _ends(self) -> Floats:
         return self.curve.points_enu_m(np.array([self.start_m, self.stop_m]))
 
-    def _become(self, curve: SaggingCurve, returns: WireCandidates, ends: Floats | None = None) -> None:
-        places = np.concatenate([self._ends() if ends is None else ends, returns.points_enu_m])
+    def _become(self, curve: SaggingCurve, returns: Floats, ends: Floats | None = None) -> None:
+        places = np.concatenate([self._ends() if ends is None else ends, returns[:, :SIGMA]])
         along_m, _ = curve.distances_m(places)
         self.curve, self.start_m, self.stop_m = curve, float(along_m.min()), float(along_m.max())
-        self._returns = returns.some(slice(0, None, 2)) if len(returns) > MOST_RETURNS else returns
+        self._returns = returns[::2].copy() if len(returns) > MOST_RETURNS else returns
 
     def _meets(self, other: TrackedWire) -> bool:
         """Return whether the ends of the other are near this one or its continuation."""

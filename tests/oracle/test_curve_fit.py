@@ -19,7 +19,7 @@ def test_the_curve_is_that_of_least_squares(seed: int) -> None:
     level = s[:, None] * way + aside[:, None] * [-way[1], way[0]] + rng.uniform(-900, 900, 2)
     points = np.column_stack([level, 12 + 0.05 * s + sag * s * s + rng.normal(0, sigma)])
     curve = np.empty(FIELDS)
-    assert fit_returns(points, sigma, np.arange(n), curve)
+    assert fit_returns(np.column_stack([points, sigma]), np.arange(n), curve)
     weight = sigma**-2
     place = weight @ level / weight.sum()
     _, axes = np.linalg.eigh(((level - place) * weight[:, None]).T @ (level - place))
@@ -38,4 +38,4 @@ def test_the_curve_is_that_of_least_squares(seed: int) -> None:
 
 def test_returns_at_one_place_make_no_curve() -> None:
     curve = np.empty(FIELDS)
-    assert not fit_returns(np.ones((5, 3)), np.full(5, 0.1), np.arange(5), curve)
+    assert not fit_returns(np.ones((5, 4)), np.arange(5), curve)

@@ -8,6 +8,7 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.jit import kernel, kernel_part
+from slz.kernels.lines.candidate_record import SIGMA
 
 EAST, NORTH, ALONG_EAST, ALONG_NORTH, UP, SLOPE, SAG = range(
     7
@@ -24,21 +25,19 @@ GAP_M = 10.0  # between neighbouring returns of a curve
 
 
 @kernel
-def fit_returns(
-    points: Array2D[np.float64], sigma: Array1D[np.float64], at: Array1D[np.int64], curve: Array1D[np.float64]
-) -> bool:
+def fit_returns(points: Array2D[np.float64], at: Array1D[np.int64], curve: Array1D[np.float64]) -> bool:
     """Write the curve (FIELDS,) of some of the returns; return False where they have none that hangs.
 
     Parameters
     ----------
-    points, sigma
-        (n, 3) returns, and (n,) standard deviations of their places (m).
+    points
+        (n, CANDIDATE_FIELDS) returns, see `slz.kernels.lines.candidate_record`.
     at
         Indices of the returns to use, two at least.
     """
     total = east = north = datum = 0.0
     for i in at:
-        w = 1.0 / max(sigma[i], LEAST_SIGMA) ** 2
+        w = 1.0 / max(points[i, SIGMA], LEAST_SIGMA) ** 2
         total += w
         east += w * points[i, 0]
         north += w * points[i, 1]
@@ -46,7 +45,7 @@ def fit_returns(
     east, north, datum = east / total, north / total, datum / total
     xx = xy = yy = 0.0
     for i in at:
-        w = 1.0 / max(sigma[i], LEAST_SIGMA) ** 2
+        w = 1.0 / max(points[i, SIGMA], LEAST_SIGMA) ** 2
         x, y = points[i, 0] - east, points[i, 1] - north
         xx += w * x * x
         xy += w * x * y
@@ -60,7 +59,7 @@ def fit_returns(
     n = np.zeros((3, 3))
     right = np.zeros(3)
     for i in at:
-        w = 1.0 / max(sigma[i], LEAST_SIGMA) ** 2
+        w = 1.0 / max(points[i, SIGMA], LEAST_SIGMA) ** 2
         s = (points[i, 0] - east) * dx + (points[i, 1] - north) * dy
         z = points[i, 2] - datum
         n[0, 0] += w
@@ -98,7 +97,7 @@ def fit_returns(
         return False
     off2 = 0.0
     for i in at:
-        w = 1.0 / max(sigma[i], LEAST_SIGMA) ** 2
+        w = 1.0 / max(points[i, SIGMA], LEAST_SIGMA) ** 2
         x, y = points[i, 0] - east, points[i, 1] - north
         s, aside = x * dx + y * dy, y * dx - x * dy
         off = points[i, 2] - datum - up - s * (slope + s * sag)
@@ -141,7 +140,6 @@ def _longest_run(s: Array1D[np.float64]) -> Array1D[np.int64]:
 @kernel
 def grow_curve(
     points: Array2D[np.float64],
-    sigma: Array1D[np.float64],
     free: Array1D[np.bool_],
     seed: int,
     bearing: float,
@@ -153,8 +151,8 @@ def grow_curve(
 
     Parameters
     ----------
-    points, sigma, free
-        (n, 3) returns, (n,) standard deviations of their places (m), and which may be used.
+    points, free
+        (n, CANDIDATE_FIELDS) returns, and which may be used.
     seed, bearing, slope
         Return that the line leads through, its bearing from north (rad) and its rise over distance.
     fewest
@@ -177,7 +175,7 @@ def grow_curve(
             continue
         pool[n_pool] = i
         n_pool += 1
-        rise, gate = z - slope * s, GATES[0] * sigma[i]
+        rise, gate = z - slope * s, GATES[0] * points[i, SIGMA]
         spread = gate + 0.04 * abs(s)
         if aside <= gate + 0.01 * abs(s) and -spread <= rise <= spread + MOST_SAG / 2 * s * s:
             at[m], places[m] = i, s
@@ -191,17 +189,17 @@ def grow_curve(
         kept = np.empty(len(run), np.int64)
         for k in range(len(run)):
             kept[k] = at[run[k]]
-        if not fit_returns(points, sigma, kept, curve):
+        if not fit_returns(points, kept, curve):
             return none
         m = 0
         for k in range(n_pool):
             i = pool[k]
             x, y = points[i, 0] - curve[EAST], points[i, 1] - curve[NORTH]
             s = x * curve[ALONG_EAST] + y * curve[ALONG_NORTH]
-            if abs(y * curve[ALONG_EAST] - x * curve[ALONG_NORTH]) > gate * sigma[i]:
+            if abs(y * curve[ALONG_EAST] - x * curve[ALONG_NORTH]) > gate * points[i, SIGMA]:
                 continue
             off = points[i, 2] - curve[UP] - s * (curve[SLOPE] + s * curve[SAG])
-            if off * off <= gate * gate * (sigma[i] * sigma[i] + height_variance(curve, s)):
+            if off * off <= gate * gate * (points[i, SIGMA] * points[i, SIGMA] + height_variance(curve, s)):
                 at[m], places[m] = i, s
                 m += 1
     if m < fewest:
@@ -210,6 +208,6 @@ def grow_curve(
     kept = np.empty(len(run), np.int64)
     for k in range(len(run)):
         kept[k] = at[run[k]]
-    if len(run) < fewest or not fit_returns(points, sigma, kept, curve):
+    if len(run) < fewest or not fit_returns(points, kept, curve):
         return none
     return kept

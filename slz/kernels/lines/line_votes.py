@@ -8,6 +8,7 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D
 from slz.kernels.jit import kernel
+from slz.kernels.lines.candidate_record import EAST, NORTH, SIGMA, UP
 
 BEARINGS, SLOPES = 180, 16  # bins of half a circle, and of slopes
 STEEPEST = 0.48  # rise over distance
@@ -16,59 +17,64 @@ SAG = 0.03  # by which the slope of a sagging line may differ from that towards 
 
 
 @kernel
-def line_votes(
-    seeds: Array1D[np.int64],
-    points: Array2D[np.float64],
-    sigma: Array1D[np.float64],
-    votes: Array2D[np.int32],
-) -> Array2D[np.float64]:
+def line_votes(seeds: Array1D[np.int64], points: Array2D[np.float64]) -> Array2D[np.float64]:
     """Return (seeds, 3) votes for the best line through each seed, its bearing (rad) and its slope.
 
-    Every other return votes for all lines to which it may belong.
+    Every other return votes for all lines to which it may belong: a rectangle of bins, whose corners are
+    summed up in the end (F. C. Crow, SIGGRAPH 1984).
 
     Parameters
     ----------
-    seeds, points, sigma
-        Indices of the seeds, (n, 3) returns, and (n,) standard deviations of their places (m).
-    votes
-        (BEARINGS, SLOPES), scratch.
+    seeds, points
+        Indices of the seeds, and (n, CANDIDATE_FIELDS) returns, see `slz.kernels.lines.candidate_record`.
     """
-    out = np.zeros((len(seeds), 3))
+    out, votes = np.zeros((len(seeds), 3)), np.empty((BEARINGS + 1, SLOPES + 1), np.int32)
     turn, step = math.pi / BEARINGS, 2 * STEEPEST / SLOPES
     for k in range(len(seeds)):
-        i = seeds[k]
+        seed = points[seeds[k]]
         votes[:] = 0
         for j in range(len(points)):
-            x, y = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+            x, y = points[j, EAST] - seed[EAST], points[j, NORTH] - seed[NORTH]
             away2 = x * x + y * y
             if away2 < NEAREST_M**2 or away2 > FARTHEST_M**2:
                 continue
             away = math.sqrt(away2)
-            slope = (points[j, 2] - points[i, 2]) / away
+            slope = (points[j, UP] - seed[UP]) / away
             if abs(slope) > STEEPEST:
                 continue
             bearing = math.atan2(x, y)
             if bearing < 0:
                 bearing, slope = bearing + math.pi, -slope
-            wide = 2.0 * math.sqrt(sigma[i] * sigma[i] + sigma[j] * sigma[j]) / away
+            wide = 2.0 * math.sqrt(seed[SIGMA] ** 2 + points[j, SIGMA] ** 2) / away
             low = max(0, int(np.floor((slope - wide - SAG + STEEPEST) / step)))
             high = min(SLOPES - 1, int(np.floor((slope + wide + SAG + STEEPEST) / step)))
             first, last = int(np.floor((bearing - wide) / turn)), int(np.floor((bearing + wide) / turn))
-            for b in range(first, last + 1):
-                at, flip = b % BEARINGS, b < 0 or b >= BEARINGS
-                for s in range(low, high + 1):
-                    votes[at, SLOPES - 1 - s if flip else s] += 1
+            while first <= last:
+                back = first // BEARINGS * BEARINGS  # beyond half a circle lines rise the other way
+                stop = min(last + 1, back + BEARINGS)
+                bottom, top = (low, high + 1) if back == 0 else (SLOPES - 1 - high, SLOPES - low)
+                votes[first - back, bottom] += 1
+                votes[first - back, top] -= 1
+                votes[stop - back, bottom] -= 1
+                votes[stop - back, top] += 1
+                first = stop
+        most = 0
         for b in range(BEARINGS):
+            row = 0
             for s in range(SLOPES):
-                if votes[b, s] > out[k, 0]:
-                    out[k, 0] = votes[b, s]
+                row += votes[b, s]
+                votes[b, s] = row + votes[b - 1, s] if b else row
+                if votes[b, s] > most:
+                    most = votes[b, s]
                     out[k, 1], out[k, 2] = (b + 0.5) * turn, (s + 0.5) * step - STEEPEST
+        out[k, 0] = most
     return out
 
 
 @kernel
 def rays_past(
     points: Array2D[np.float64],
+    rows: Array1D[np.int64],
     origin: ReadOnly1D[np.uint16],
     origins: ReadOnly2D[np.float64],
     first: int,
@@ -79,12 +85,12 @@ def rays_past(
     half: float,
     farthest: float,
 ) -> int:
-    """Return how many of every `stride`-th ray pass a curve within `half` of its height, and go on.
+    """Return how many rays of every `stride`-th row pass a curve within `half` of its height, and go on.
 
     Parameters
     ----------
-    points, origin, origins
-        (n, 3) returns, (n,) the scan of each, and (k, 3) the sensor's position in each scan.
+    points, rows, origin, origins
+        (n, 3) returns, (m,) those used, (n,) the scan of each, and (k, 3) the sensor's position in each scan.
     place, heights, ends
         East, north and direction over ground of the curve; coefficients of its height, a polynomial of second
         degree of the distance along it; and the least and greatest of these distances.
@@ -92,7 +98,8 @@ def rays_past(
         From the sensor to the curve (m).
     """
     count, east, north = 0, place[2], place[3]
-    for i in range(first, len(points), stride):
+    for k in range(first, len(rows), stride):
+        i = rows[k]
         o = origins[origin[i]]
         x0, y0 = o[0] - place[0], o[1] - place[1]
         x1, y1 = points[i, 0] - place[0], points[i, 1] - place[1]

@@ -19,6 +19,21 @@ def rows_of(flags: Array1D[np.uint16], has: int, lacks: int) -> Array1D[np.int64
 
 
 @kernel
+def rows_in_turn(flags: Array1D[np.uint16], first: int, others: Array1D[np.uint16]) -> Array1D[np.int64]:
+    """Return the rows whose flags hold `first`, then those of each other flag that do not hold it."""
+    out, n, kept = np.empty((1 + len(others)) * len(flags), np.int64), 0, np.uint16(first)
+    for i in range(len(flags)):
+        out[n] = i
+        n += (flags[i] & kept) != 0
+    for other in others:
+        for i in range(len(flags)):
+            if (flags[i] & (other | kept)) == other:
+                out[n] = i
+                n += 1
+    return out[:n].copy()
+
+
+@kernel
 def picked(
     places: Array2D[np.float64], flags: Array1D[np.uint16], has: int, lacks: int
 ) -> Array2D[np.float64]:

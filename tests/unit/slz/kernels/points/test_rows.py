@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slz.kernels.points.rows import picked, rows_by_scan, rows_of
+from slz.kernels.points.rows import picked, rows_by_scan, rows_in_turn, rows_of
 
 
 @pytest.mark.parametrize(("has", "lacks"), [(0, 0), (1, 0), (0, 1), (3, 4), (8, 3)])
@@ -25,3 +25,12 @@ def test_rows_by_scan_are_sorted_by_scan_and_those_of_the_last_flag_end_each(n: 
     wanted = [i for i in range(n) if flags[i] & (2 | 4)]
     wanted.sort(key=lambda i: (origin[i], bool(flags[i] & 4)))
     assert rows_by_scan(flags, 2, 4, origin, 5).tolist() == wanted
+
+
+@pytest.mark.parametrize("n", [0, 1, 500])
+def test_rows_of_one_flag_come_before_those_of_others_without_it(n: int) -> None:
+    flags = np.random.default_rng(n).integers(0, 16, n).astype(np.uint16)
+    first, others = (flags & 2) != 0, np.array([8, 4], np.uint16)
+    wanted = [first, *(~first & ((flags & other) != 0) for other in others)]
+    found = rows_in_turn(flags, 2, others)
+    assert np.array_equal(found, np.concatenate([np.flatnonzero(which) for which in wanted]))

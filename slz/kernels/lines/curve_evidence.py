@@ -1,0 +1,88 @@
+"""Evidence for a curve: what its returns have in common, and the air around it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from slz.kernels.argument_types import Array1D, Array2D
+from slz.kernels.jit import kernel, kernel_part
+from slz.kernels.lines.candidate_record import EAST, NORTH, SENSOR, SIGMA, UP, WINDOW
+from slz.kernels.lines.voxel_occupancy import VOXEL_M
+
+
+@kernel_part
+def _distinct(values: Array1D[np.float64]) -> int:
+    """Return how many values differ, at least one; they are sorted."""
+    values.sort()
+    n = 1
+    for k in range(1, len(values)):
+        n += values[k] != values[k - 1]
+    return n
+
+
+@kernel
+def measures(
+    candidates: Array2D[np.float64],
+    members: Array1D[np.int64],
+    along: Array1D[np.float64],
+    start: float,
+) -> tuple[int, int, float, float, float, float]:
+    """Return what the returns of a curve have in common.
+
+    Numbers of its places that have returns, and of windows; how far the sensor moved (m); and the medians of
+    range, fall of the rays over their distance, and standard deviation of the place.
+
+    Parameters
+    ----------
+    candidates, members, along
+        (n, CANDIDATE_FIELDS), (m,) those on the curve, at least one, and (m,) their places along it.
+    start
+        Where its places begin.
+    """
+    ranges, falls, sigma = np.empty(len(members)), np.empty(len(members)), np.empty(len(members))
+    places, windows, moved2 = np.empty(len(members)), np.empty(len(members)), 0.0
+    for k in range(len(members)):
+        own = candidates[members[k]]
+        x, y, z = own[EAST] - own[SENSOR], own[NORTH] - own[SENSOR + 1], own[UP] - own[SENSOR + 2]
+        ranges[k], falls[k] = math.sqrt(x * x + y * y + z * z), -z / max(math.hypot(x, y), 0.1)
+        sigma[k], windows[k], places[k] = own[SIGMA], own[WINDOW], np.floor((along[k] - start) / VOXEL_M)
+    for axis in range(SENSOR, SENSOR + 3):
+        low = high = candidates[members[0], axis]
+        for i in members:
+            low, high = min(low, candidates[i, axis]), max(high, candidates[i, axis])
+        moved2 += (high - low) * (high - low)
+    medians = np.median(ranges), np.median(falls), np.median(sigma)
+    return (_distinct(places), _distinct(windows), math.sqrt(moved2), *medians)
+
+
+@kernel
+def fullest_share(occupied: Array2D[np.int64], above: Array2D[np.int64], least: float) -> float:
+    """Return the share of the voxels around a curve that are occupied in the fullest direction.
+
+    Its fullest ring does not count where there are others: there is room for another wire.
+
+    Parameters
+    ----------
+    occupied, above
+        (directions, rings) numbers of voxels: occupied, and of all high over the floor.
+    least
+        Voxels of a direction and ring, below which it does not count.
+    """
+    out = 0.0
+    for d in range(len(above)):
+        told = held = rings = 0
+        full, most = 0, -1.0
+        for k in range(above.shape[1]):
+            some = above[d, k] >= least
+            share = occupied[d, k] / above[d, k] if some else 0.0
+            if share > most:
+                full, most = k, share
+            if some:
+                told, held, rings = told + above[d, k], held + occupied[d, k], rings + 1
+        if rings > 1 and above[d, full] >= least:
+            told, held = told - above[d, full], held - occupied[d, full]
+        if told > 0:
+            out = max(out, (held + 1) / (told + 1))
+    return out
