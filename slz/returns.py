@@ -73,11 +73,11 @@ class Returns:
 
     def rows(self, has: int, lacks: int = 0) -> Rows:
         """Return the rows that have all flags of one sum, and none of another."""
-        return rows_of(self.flags, has, lacks)
+        return rows_of(self.flags, int(has), int(lacks))  # plain numbers, which Numba tells at once
 
     def places(self, has: int, lacks: int = 0) -> Points:
         """Return a copy (m, 3) of the places of such rows."""
-        return picked(self.places_m, self.flags, has, lacks)
+        return picked(self.places_m, self.flags, int(has), int(lacks))
 
 
 def is_for_near_map(flags: NDArray[np.uint16]) -> NDArray[np.bool_]:
