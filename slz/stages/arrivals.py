@@ -14,6 +14,7 @@ from slz.returns import Flag, Points, Returns
 from slz.terrain.arrivals import AROUND_M, FEET_M
 
 Flags = NDArray[np.bool_]
+SIDES = np.array(list(product((-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0), (0.0,))))  # of a return, and its own place
 
 
 class ArrivalStage:
@@ -44,7 +45,7 @@ class ArrivalStage:
         )
         raised, isolated = np.zeros((2, len(returns)), bool)
         raised[stand], isolated[alone] = ~np.isnan(origins[origin[stand], 0]), True
-        rows = rows_by_scan(flags, Flag.KEPT, Flag.ISOLATED, origin, len(origins))
+        rows = rows_by_scan(flags, int(Flag.KEPT), int(Flag.ISOLATED), origin, len(origins))
         apart, returns.added_m = arrivals.update(
             places,
             rows,
@@ -72,7 +73,5 @@ def _are_above(points: Points, sensor: Points, ground: Ground, least_m: float | 
 
 def _stand_free(points: Points, sensor: Points, ground: Ground) -> Flags:
     """Return which raised points have known and lower ground on all sides: others are of walls."""
-    side_m = max(AROUND_M, ground.parameters.cell_m)
-    sides = np.array([(east, north, 0.0) for north, east in product((-side_m, 0.0, side_m), repeat=2)])
-    around = (points[:, np.newaxis] + sides).reshape(-1, 3)
-    return np.asarray(_are_above(around, sensor, ground).reshape(-1, len(sides)).all(axis=1))
+    around = points[:, np.newaxis] + max(AROUND_M, ground.parameters.cell_m) * SIDES
+    return np.asarray(_are_above(around.reshape(-1, 3), sensor, ground).reshape(-1, len(SIDES)).all(axis=1))

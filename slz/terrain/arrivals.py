@@ -81,8 +81,7 @@ class Arrivals:
         self._around = math.ceil(AROUND_M / parameters.cell_m)
         # The map's grid holds all that is within a quarter of its side of the sensor.
         self._reach = min(MOST_SIDE // 2, max(1, int(parameters.zone_m / 4 / parameters.cell_m) - 1))
-        self._near: Points = np.empty((0, COLUMN_FIELDS))
-        self._afar: Points = np.empty((0, COLUMN_FIELDS))
+        self._held: Points = np.empty((0, COLUMN_FIELDS))
         self.points_enu_m: Points = np.empty((0, 3))
         self.altered_enu_m: Points = np.empty((0, 3))
 
@@ -127,10 +126,10 @@ class Arrivals:
         """
         west_m, south_m, cell_m = self._corner
         here = np.floor((sensor_enu_m[1::-1] - (south_m, west_m)) / cell_m)
-        self._sort_by_reach(here)
-        raised, origins = raised.copy(), np.ascontiguousarray(origins_enu_m)
+        within = np.abs(self._held[:, CELL] - here).max(axis=1, initial=0.0) <= self._reach
+        near, afar, raised = self._held[within], self._held[~within], raised.copy()
         near, own, beside = join(
-            self._near, points_enu_m, rows, raised, isolated, origin, origins,
+            near, points_enu_m, rows, raised, isolated, origin, origins_enu_m,
             here, self._reach, self._around, SAME_M, *self._corner, now_s,
         )  # fmt: skip
         settled = self._settled(near, now_s)
@@ -140,28 +139,20 @@ class Arrivals:
             corner = west_m + col * cell_m, south_m + row * cell_m, cell_m
             stride = max(1, math.ceil(len(rows) / MOST_RAYS))
             count_passing(
-                points_enu_m, rows, origin, origins, raised, stride,
+                points_enu_m, rows, origin, origins_enu_m, raised, stride,
                 *corner, self._around, index, blocks, near,
             )  # fmt: skip
             which, counts = passed(index, self._around, LEAST_SCANS, near)
-            near[which[_prove_empty(counts)], GONE] = 1.0
+            if len(which):
+                near[which[_prove_empty(counts)], GONE] = 1.0
             near = near[stand_around(near, self._around)]
-        self._near = near
-        before, standing = self.points_enu_m, _ends(np.concatenate([near, self._afar]))
+        if len(afar) > MOST_AFAR:
+            afar = afar[np.argsort(np.argsort(-afar[:, CAME], kind="stable")) < MOST_AFAR]
+        self._held = np.concatenate([near, afar])
+        before, standing = self.points_enu_m, _ends(self._held)
         standing[len(standing) // 2 :] -= self._below_m
         self.points_enu_m, self.altered_enu_m = standing, _in_one_only(before, standing)
         return np.concatenate([own, beside[is_over(beside)]]), evidence
-
-    def _sort_by_reach(self, here: Points) -> None:
-        """Tell columns near a row and column from those farther, of which the newest are kept."""
-        stays, comes = (
-            (np.abs(held[:, CELL] - here) <= self._reach).all(axis=1) for held in (self._near, self._afar)
-        )
-        if stays.all() and not comes.any():
-            return
-        afar = np.concatenate([self._near[~stays], self._afar[~comes]])
-        self._near = np.concatenate([self._near[stays], self._afar[comes]])
-        self._afar = afar[np.argsort(np.argsort(-afar[:, CAME], kind="stable")) < MOST_AFAR]
 
     def _settled(self, near: Points, now_s: float) -> Flags:
         """Return which columns are evidence from now on: the oldest, and those beyond what is kept.

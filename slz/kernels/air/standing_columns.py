@@ -176,7 +176,7 @@ def _in_or_beside(
     west0, south0 = west + c0 * cell, south + r0 * cell
     for i in rows:
         r, c = int(np.floor((points[i, 1] - south0) / cell)), int(np.floor((points[i, 0] - west0) / cell))
-        if not (0 <= r < tops.shape[0] and 0 <= c < tops.shape[1]):
+        if not (0 <= r < tops.shape[0] and 0 <= c < tops.shape[1]) or tops[r, c] == -np.inf:
             continue
         if raised[i] or (below[r, c] > -np.inf and not isolated[i]):
             own[n_own] = i
