@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -24,6 +25,9 @@ SCORE_BANKS = 3.5
 SCORE_EVEN = -2.5
 SCORE_SPILL = -4.0
 UP, DOWN, EVEN = range(3)
+RING = np.arange(-BANK_CELLS, BANK_CELLS + 1)
+# Rows and columns to all cells of a square, the nearest first.
+NEAREST = np.array(sorted(itertools.product(RING, RING), key=lambda at: at[0] ** 2 + at[1] ** 2))
 
 
 @kernel_part
@@ -108,12 +112,12 @@ def around_shore(
         for c in range(cols):
             if whole[r, c] or beside[0, r, c] == 0 or not count[row0 + r, col0 + c] > 0:
                 continue
-            level, nearest = 0.0, 2 * BANK_CELLS * BANK_CELLS + 1
-            for i in range(max(0, r - BANK_CELLS), min(rows, r + BANK_CELLS + 1)):
-                for j in range(max(0, c - BANK_CELLS), min(cols, c + BANK_CELLS + 1)):
-                    far = (i - r) * (i - r) + (j - c) * (j - c)
-                    if far < nearest and own[i, j]:
-                        level, nearest = level_m[row0 + i, col0 + j], far
+            level = math.nan
+            for k in range(len(NEAREST)):
+                i, j = r + NEAREST[k, 0], c + NEAREST[k, 1]
+                if 0 <= i < rows and 0 <= j < cols and own[i, j]:
+                    level = level_m[row0 + i, col0 + j]
+                    break
             above = mean[row0 + r, col0 + c] - level
             if above > most_m:
                 continue

@@ -169,7 +169,7 @@ def _grow_to_shore(
     grow_extents(count, mean, labels, level_m, band_m, PLANE_RADIUS + 1)
     own, unseen = (labels > 0) & (count > 0), (labels > 0) & (count == 0)
     if unseen.any():
-        gaps = closed_mask(own)
+        gaps = closed_mask(own, unseen)
         for k in range(labels.size):
             if unseen.flat[k] and not gaps.flat[k]:
                 labels.flat[k], level_m.flat[k] = 0, np.nan

@@ -62,10 +62,10 @@ def bounding_boxes(labels: Array2D[np.int32], n: int, margin: int) -> Array2D[np
 
 
 @kernel_part
-def closed_mask(mask: Array2D[np.bool_]) -> Array2D[np.bool_]:
-    """Return a mask spread and then shrunk by `REACH` steps to four sides; nothing is beyond its rim."""
+def closed_mask(mask: Array2D[np.bool_], asked: Array2D[np.bool_]) -> Array2D[np.bool_]:
+    """Return a mask spread and then shrunk by `REACH` steps to four sides, where asked; none is beyond it."""
     rows, cols = mask.shape
-    wide, out = np.zeros((rows + 2 * REACH, cols + 2 * REACH), np.bool_), np.ones((rows, cols), np.bool_)
+    wide, out = np.zeros((rows + 2 * REACH, cols + 2 * REACH), np.bool_), asked.copy()
     for r in range(rows):
         for c in range(cols):
             if mask[r, c]:
@@ -74,10 +74,11 @@ def closed_mask(mask: Array2D[np.bool_]) -> Array2D[np.bool_]:
                         wide[r + i + REACH, c + j + REACH] = True
     for r in range(rows):
         for c in range(cols):
-            for i in range(-REACH, REACH + 1):
-                for j in range(abs(i) - REACH, REACH + 1 - abs(i)):
-                    inside = 0 <= r + i < rows and 0 <= c + j < cols
-                    out[r, c] &= inside and wide[r + i + REACH, c + j + REACH]
+            if asked[r, c]:
+                for i in range(-REACH, REACH + 1):
+                    for j in range(abs(i) - REACH, REACH + 1 - abs(i)):
+                        inside = 0 <= r + i < rows and 0 <= c + j < cols
+                        out[r, c] &= inside and wide[r + i + REACH, c + j + REACH]
     return out
 
 

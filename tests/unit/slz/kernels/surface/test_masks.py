@@ -15,7 +15,8 @@ def test_masks_are_closed_and_filled_as_by_scipy(shape: tuple[int, int], share: 
     rng = np.random.default_rng(7)
     for _ in range(5):
         mask = rng.random(shape) < share
-        np.testing.assert_array_equal(closed_mask(mask), ndimage.binary_closing(mask, iterations=REACH))
+        closed, asked = ndimage.binary_closing(mask, iterations=REACH), rng.random(shape) < 0.5
+        np.testing.assert_array_equal(closed_mask(mask, asked), closed & asked)
         whole = with_holes(mask.astype(np.int32), 1, np.array([0, shape[0] - 1, 0, shape[1] - 1]))
         np.testing.assert_array_equal(whole, ndimage.binary_fill_holes(mask))
 
