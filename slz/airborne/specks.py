@@ -16,7 +16,6 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.column_table import ColumnTable
 from slz.frame import LocalFrame, is_known
 from slz.kernels.points.ray_image import HITS, fill_image, first_cells
 from slz.kernels.points.speck_likelihood import LEAST_BALL_M, MOST_BALL_M, SHELLS, SLOTS, judge, judge_again
@@ -49,7 +48,7 @@ class ReturnKind(IntEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class _Waiting(ColumnTable):
+class _Waiting:
     """Undecided returns: points (n, 3), stamps, intensity's share, ranges (n,), and counts of rays (n, 3)."""
 
     points: Floats
@@ -64,6 +63,14 @@ class _Waiting(ColumnTable):
         return cls(
             np.empty((0, 3)), np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty(0), np.empty((0, 3))
         )
+
+    def some(self, which: NDArray[np.bool_]) -> _Waiting:
+        return _Waiting(*(getattr(self, name)[which] for name in self.__slots__))
+
+    def newest_with(self, other: _Waiting) -> _Waiting:
+        """Return the last `MOST_WAITING` of these returns and others."""
+        pairs = ((getattr(self, name), getattr(other, name)) for name in self.__slots__)
+        return _Waiting(*(np.concatenate(pair)[-MOST_WAITING:] for pair in pairs))
 
 
 class SpeckDetector:
@@ -186,7 +193,7 @@ class SpeckDetector:
         away = np.linalg.norm(points - scan.sensor_enu_m, axis=1)
         radius = np.clip(self._spread * away, LEAST_BALL_M, MOST_BALL_M)
         new = _Waiting(points, scan.stamp_ns[which], bonus[which], away, radius, counts[which])
-        self._waiting = self._waiting.joined_with(new).some(slice(-MOST_WAITING, None))
+        self._waiting = self._waiting.newest_with(new)
 
 
 def without_specks(scan: Scan) -> Scan:
