@@ -7,11 +7,14 @@ pulse add up and have one range, weighted by their power.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sitl.array_types import Array2D
+from sitl.compilation import kernel
 from sitl.sensors import water_optics
 from sitl.world.hits import PLANTS, WATER
 from sitl.world.primitives import REFLECTANCE, Kind
@@ -118,64 +121,31 @@ def _water(
 
 def merge(echoes: BeamEchoes) -> BeamEchoes:
     """Add up echoes that overlap; each has the range and brightness of all within `PULSE_M` of it."""
-    lit = np.isfinite(echoes.range_m) & (echoes.bright > 0.0)
-    range_m = np.where(lit, echoes.range_m, np.inf)
-    bright = np.where(lit, echoes.bright, 0.0)
-    with np.errstate(invalid="ignore"):
-        near = np.abs(range_m[:, :, np.newaxis] - range_m[:, np.newaxis, :]) <= PULSE_M
-    power = near * bright[:, np.newaxis, :]
-    total = power.sum(axis=2)
-    moment = (power * np.where(lit, echoes.range_m, 0.0)[:, np.newaxis, :]).sum(axis=2)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        return BeamEchoes(np.where(lit, moment / total, np.nan), np.where(lit, total, 0.0))
+    merged = BeamEchoes(np.empty(echoes.range_m.shape), np.empty(echoes.range_m.shape))
+    add_overlapping(echoes.range_m, echoes.bright, merged.range_m, merged.bright)
+    return merged
 
 
-@dataclass(frozen=True, slots=True)
-class Reported:
-    """Returns of pulses, (n,); range 0 for none.
-
-    strongest, last: equal if one echo is both. other: of two, the one that is not the last; equal to the last
-    if there is one echo. The columns of the three among the echoes follow, meaningless without a return.
-    """
-
-    strongest_m: F64
-    strongest_bright: F64
-    last_m: F64
-    last_bright: F64
-    other_m: F64
-    other_bright: F64
-    strongest: I64
-    last: I64
-    other: I64
-
-
-def report(echoes: BeamEchoes, seen: Flags, separation_m: float, power: F64 | None = None) -> Reported:
-    """Return what a receiver reports of merged echoes.
-
-    Parameters
-    ----------
-    echoes
-        Merged echoes.
-    seen
-        (n, k) mask of those bright enough.
-    separation_m
-        Least distance of two returns of one pulse.
-    power
-        (n, k) by which one echo is stronger than another; the brightness if None.
-    """
-    row = np.arange(len(seen))
-    any_seen = seen.any(axis=1)
-    power = echoes.bright if power is None else power
-    best = np.where(seen, power, -1.0).argmax(axis=1)
-    best_m = np.where(any_seen, echoes.range_m[row, best], np.nan)
-    with np.errstate(invalid="ignore"):
-        apart = seen & (np.abs(echoes.range_m - best_m[:, np.newaxis]) >= separation_m)
-    far = np.where(apart, echoes.range_m, -np.inf)
-    last = np.where(far.max(axis=1) > best_m, far.argmax(axis=1), best)
-    second = np.where(apart.any(axis=1), np.where(apart, power, -1.0).argmax(axis=1), best)
-    other = np.where(last == best, second, best)
-
-    def pick(k: NDArray[np.int64]) -> tuple[F64, F64]:
-        return np.where(any_seen, echoes.range_m[row, k], 0.0), np.where(any_seen, echoes.bright[row, k], 0.0)
-
-    return Reported(*pick(best), *pick(last), *pick(other), best, last, other)
+@kernel
+def add_overlapping(
+    range_m: Array2D[np.float64],
+    bright: Array2D[np.float64],
+    out_range: Array2D[np.float64],
+    out_bright: Array2D[np.float64],
+) -> None:
+    """Write ranges, NaN for none, and brightnesses of echoes with all those that overlap them."""
+    columns = range_m.shape[1]
+    for n in range(range_m.shape[0]):
+        for i in range(columns):
+            out_range[n, i], out_bright[n, i] = math.nan, 0.0
+            if not (math.isfinite(range_m[n, i]) and bright[n, i] > 0.0):
+                continue
+            total = moment = four = four_moment = pair = pair_moment = 0.0
+            for j in range(columns):
+                if bright[n, j] > 0.0 and abs(range_m[n, j] - range_m[n, i]) <= PULSE_M:
+                    pair, pair_moment = pair + bright[n, j], pair_moment + bright[n, j] * range_m[n, j]
+                if columns < 8 or j % 2 == 1:  # eight are summed by pairs of pairs
+                    four, four_moment, pair, pair_moment = four + pair, four_moment + pair_moment, 0.0, 0.0
+                if columns < 8 or j % 4 == 3:
+                    total, moment, four, four_moment = total + four, moment + four_moment, 0.0, 0.0
+            out_range[n, i], out_bright[n, i] = moment / total, total

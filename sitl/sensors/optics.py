@@ -72,25 +72,14 @@ class Reach:
     at_10_percent_m: float
     at_80_percent_m: float
 
-    def detected(self, range_m: F64, bright: F64, normal: F64, uniform: F64, noise: Noise) -> Flags:
-        """Return the mask of pulses whose return is bright enough, with a soft edge.
-
-        Parameters
-        ----------
-        range_m, bright
-            (n,), true range and reflectance times the cosine of incidence.
-        normal, uniform
-            (n,) random numbers.
-        """
+    def limit_m(self, bright: F64) -> F64:
+        """Return the greatest ranges of returns by reflectance times the cosine of incidence."""
         exponent = np.log(self.at_80_percent_m / self.at_10_percent_m) / np.log(0.8 / 0.1)
-        limit = self.at_10_percent_m * (np.maximum(bright, 1e-6) / 0.1) ** exponent
-        limit *= 1.0 + 0.04 * np.clip(normal, -3.0, 3.0)
-        in_range = (range_m >= self.blind_m) & (range_m <= limit)
-        detected: Flags = in_range & (uniform >= noise.dropout)
-        return detected
+        limit: F64 = self.at_10_percent_m * (np.maximum(bright, 1e-6) / 0.1) ** exponent
+        return limit
 
     def faint(self, bright: F64) -> F64:
-        """Return the brightness for `detected` of echoes that return less than 10 %.
+        """Return the brightness for `limit_m` of echoes that return less than 10 %.
 
         Two ranges of a data sheet give the exponent between them, where the receiver's dynamics count. Below,
         the range is that at which the power, bright / range^2, is the one of 10 %.
@@ -117,27 +106,6 @@ class Echoes:
     ghost: Flags
     dust: Flags
     marked: Flags
-
-
-def range_error(range_m: F64, normal: F64, noise: Noise) -> F64:
-    """Return the range error: `range_sigma_m` from 10 m on, 1.5 times that at 0.2 m."""
-    sigma = noise.range_sigma_m * (1.0 + 0.5 * np.exp(-np.nan_to_num(range_m) / 2.0))
-    return sigma * normal
-
-
-def false_returns(measured: F64, seen: Flags, bright: F64, uniform: F64, noise: Noise) -> Echoes:
-    """Add multi-path ghosts (too far) and dust or rain (a few metres ahead, too near).
-
-    `uniform` are random numbers (n, 4); the last three columns are used.
-    """
-    marked = uniform[:, 2] < noise.tagged
-    ghost = seen & (uniform[:, 1] < noise.ghost)
-    measured = np.where(ghost, measured * (1.05 + 0.6 * uniform[:, 3]), measured)
-    dust = uniform[:, 1] > 1.0 - noise.dust
-    nearer = 0.3 + 8.0 * uniform[:, 3] ** 2
-    dust &= ~seen | (nearer < measured)
-    nearest = np.where(dust, nearer, measured)
-    return Echoes(nearest, measured.copy(), nearest.copy(), bright.copy(), bright.copy(), ghost, dust, marked)
 
 
 def tilt(unit: F64, normal: F64, sigma_deg: float) -> F64:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, fields
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,25 +16,21 @@ from numpy.typing import NDArray
 from sitl.sensors.layer_echoes import (
     PARTS,
     BeamEchoes,
-    Reported,
     beam_echoes,
     echo_hits,
     merge,
-    report,
     touched,
     with_wires,
 )
 from sitl.sensors.lidar_mount import Mount
 from sitl.sensors.optics import (
-    FAINTEST,
     Echoes,
     Flags,
     Noise,
     Reach,
-    false_returns,
-    range_error,
     tilt,
 )
+from sitl.sensors.pulse_returns import measure, report_several, report_single
 from sitl.sensors.return_hits import Hits
 from sitl.sensors.sensor_clock import Clock
 from sitl.world.beam_edges import edge_echoes
@@ -47,7 +42,6 @@ from sitl.world.world import Crossings, World
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 OF_ECHOES = tuple(field.name for field in fields(Echoes))
-T = TypeVar("T", bound=np.generic)
 
 PoseAt = Callable[[I64], tuple[F64, F64]]
 """Stamps (n,) ns of simulated time -> position ENU (n, 3) m, quaternion wxyz (n, 4) body FRD -> NED."""
@@ -89,37 +83,26 @@ class Shots:
 
 @dataclass(frozen=True, slots=True)
 class Rays:
-    """Traced pulses: (m, 3) origins and unit directions ENU; mask of the traced among all, None for all."""
+    """Traced pulses: their places among all, (m,); (m, 3) origins, unit directions and sensor's up, ENU."""
 
+    at: I64
     origin: F64
     direction: F64
-    traced: Flags | None
-
-    @property
-    def chosen(self) -> slice | Flags:
-        """Index of the traced among all pulses."""
-        return slice(None) if self.traced is None else self.traced
-
-    def spread(self, values: NDArray[T], count: int, missing: float) -> NDArray[T]:
-        """Return values of the traced pulses as values of all `count` pulses."""
-        if self.traced is None:
-            return values
-        spread = np.full(count, missing, values.dtype)
-        spread[self.traced] = values
-        return spread
+    up: F64
 
 
 @dataclass(frozen=True, slots=True)
 class Several:
     """Pulses with several possible echoes: their places, echoes and codes of ``hits``.
 
-    by_power: mask of those whose strongest echo is the one of most power at the receiver; None for none.
+    by_power: mask of those whose strongest echo is the one of most power at the receiver, where these may be
+    far apart: a wire or an edge is among them.
     """
 
     at: I64
     echoes: BeamEchoes
     labels: I64
-    by_power: Flags | None
+    by_power: Flags
 
 
 class PulseLidar(ABC):
@@ -282,47 +265,40 @@ class PulseLidar(ABC):
         rays = self._rays(index, nominal, normal, position, attitude)
         depths, glint = self._layer_draws(index.size, world)
         time_s = np.asarray(stamps_ns * 1e-9, np.float64)
-        c = self._cast(rays, depths[rays.chosen], time_s[rays.chosen], world)
-        true_range = rays.spread(c.range_m, index.size, np.nan)
-        bright = rays.spread(REFLECTANCE[c.kind] * c.cosine, index.size, 0.0)
-        seen = self.reach.detected(true_range, bright, normal[:, 3], uniform[:, 0], self.noise)
-        hits = Hits.of_one(rays.spread(c.hit, index.size, NOTHING), seen)
-        reported = []
-        for met in self._several(c, index, rays, attitude, time_s, glint, world):
-            at = met.at
-            found = self._reported(met.echoes, met.by_power, normal[at, 3], uniform[at, 0])
-            seen[at], true_range[at] = found.strongest_m > 0.0, found.strongest_m
-            bright[at] = found.strongest_bright
-            hits = hits.with_several(at, found, met.echoes, met.labels)
-            reported.append((at, found))
-        normal[uniform[:, 0] > 1.0 - self.noise.tail, 2] *= self.noise.tail_factor
+        c = world.cross(
+            rays.origin,
+            rays.direction,
+            self.reach.most_m,
+            depths[rays.at],
+            thin_wires=False,
+            time_s=time_s[rays.at],
+        )
+        noise, draws = self.noise, (normal, uniform, self.reach.blind_m, self.noise.dropout)
+        true = np.zeros((3, index.size)), np.zeros((3, index.size)), np.full((3, index.size), NOTHING)
+        first = REFLECTANCE[c.kind] * c.cosine
+        report_single(rays.at, c.range_m, self.reach.limit_m(first), first, c.hit, *draws, *true)
+        for met in self._several(c, index, rays, time_s, glint, world):
+            merged = merge(met.echoes)
+            limit_m = self.reach.limit_m(self.reach.faint(merged.bright))
+            heard = met.echoes.range_m, met.echoes.bright, met.labels, merged.range_m, limit_m, merged.bright
+            report_several(met.at, *heard, met.by_power, self.SEPARATION_M, *draws, *true)
+        range_m, bright, hit = true
+        flicker = np.maximum(1.0 + noise.intensity_sigma * self._flicker.standard_normal(index.size), 0.1)
         row_m = self._row_m[index % self.rows]
-        measured = np.where(seen, true_range + range_error(true_range, normal[:, 2], self.noise) + row_m, 0.0)
-        echoes = false_returns(measured, seen, bright, uniform, self.noise)
-        for at, found in reported:
-            self._add_second(echoes, found, at, normal[at, 2], row_m[at])
-        flicker = np.maximum(
-            1.0 + self.noise.intensity_sigma * self._flicker.standard_normal(index.size), 0.1
-        )
-        for values in (bright, echoes.behind_bright, echoes.other_bright):
-            values *= flicker
-        return self._in_air(Shots(index, nominal, echoes, bright, hits.falsified(echoes)), rays, time_s)
-
-    def _cast(self, rays: Rays, depths: F64, time_s: F64, world: World) -> Crossings:
-        return world.cross(
-            rays.origin, rays.direction, self.reach.most_m, depths, thin_wires=False, time_s=time_s
-        )
+        shares = noise.range_sigma_m, noise.tail, noise.tail_factor, noise.ghost, noise.dust, noise.tagged
+        false = [np.empty(index.size, np.bool_) for _ in range(3)]
+        measure(np.exp(-range_m / 2.0), normal, uniform, flicker, row_m, *shares, *true, *false)
+        echoes = Echoes(*range_m, *bright[1:], *false)
+        return self._in_air(Shots(index, nominal, echoes, bright[0], Hits(*hit)), rays, time_s)
 
     def _several(
-        self, c: Crossings, index: I64, rays: Rays, attitude: F64, time_s: F64, glint: F64, world: World
+        self, c: Crossings, index: I64, rays: Rays, time_s: F64, glint: F64, world: World
     ) -> list[Several]:
         """Return the pulses with several echoes: those that layers or wires divide, then edges."""
-        traced = np.arange(index.size) if rays.traced is None else np.flatnonzero(rays.traced)
-        ups = self.mount.up_enu(attitude[traced])
-        own, wires = self._widened(c, rays, ups, world)
+        own, wires = self._widened(c, rays, world)
         found = []
         if own is not None:
-            at = traced[own]
+            at = rays.at[own]
             met = beam_echoes(
                 c.of(own),
                 rays.origin[own],
@@ -332,17 +308,17 @@ class PulseLidar(ABC):
                 self.WAVELENGTH_NM,
                 glint[at],
             )
-            labels = echo_hits(c.of(own))
+            labels, by_power = echo_hits(c.of(own)), np.zeros(at.size, np.bool_)
             if wires is not None:
                 met, labels = with_wires(met, wires.of(own)), np.hstack([labels, wires.index[own]])
-            by_power = None if wires is None else wires.share[own, 0] > 0.0
+                by_power = wires.share[own, 0] > 0.0
             found.append(Several(at, met, labels, by_power))
-        if self.noise.divided and traced.size:
-            beams, of_ray = (rays.origin, rays.direction, ups), (index[traced], own, self.beam)
-            edges = edge_echoes(world, c, beams, *of_ray, self.reach.most_m, time_s[traced])
+        if self.noise.divided and rays.at.size:
+            beams, times = (rays.origin, rays.direction, rays.up), time_s[rays.at]
+            edges = edge_echoes(world, c, beams, index[rays.at], own, self.beam, self.reach.most_m, times)
             if edges.at.size:
                 met = BeamEchoes(edges.range_m, edges.bright)
-                found.append(Several(traced[edges.at], met, edges.hit, np.ones(edges.at.size, np.bool_)))
+                found.append(Several(rays.at[edges.at], met, edges.hit, np.ones(edges.at.size, np.bool_)))
         return found
 
     def _in_air(self, shots: Shots, rays: Rays, time_s: F64) -> Shots:
@@ -350,7 +326,7 @@ class PulseLidar(ABC):
         if self.noise.particles is None:
             return shots
         direction = np.zeros((len(shots), 3))
-        direction[slice(None) if rays.traced is None else rays.traced] = rays.direction
+        direction[rays.at] = rays.direction
         echoes, bright = self.noise.particles.add(
             shots.echoes, shots.bright, shots.index, direction, time_s, self._air_seed
         )
@@ -359,15 +335,16 @@ class PulseLidar(ABC):
     def _rays(self, index: I64, nominal: F64, normal: F64, position: F64, attitude: F64) -> Rays:
         """Return the rays of the traced pulses, with the error of their direction."""
         traced = self.is_traced(index)
+        at = np.arange(index.size) if traced is None else np.flatnonzero(traced)
         if traced is not None:
-            index, nominal, normal = index[traced], nominal[traced], normal[traced]
-            position, attitude = position[traced], attitude[traced]
+            index, nominal, normal = index[at], nominal[at], normal[at]
+            position, attitude = position[at], attitude[at]
         fired = tilt(nominal, normal, self.noise.angle_sigma_deg)
         origin = position + self.mount.lever_enu_m(attitude)
         offset = self.origins_m(index)
         if offset is not None:
             origin = origin + self.mount.to_enu(offset, attitude)
-        return Rays(origin, self.mount.to_enu(fired, attitude), traced)
+        return Rays(at, origin, self.mount.to_enu(fired, attitude), self.mount.up_enu(attitude))
 
     def _layer_draws(self, count: int, world: World) -> tuple[F64, F64]:
         """Return optical depths (n, parts) of leaves, and factors (n,) of glints, drawn only where needed."""
@@ -377,9 +354,7 @@ class PulseLidar(ABC):
         shape = world.water.facets
         return depths, self._glint.standard_gamma(shape, count) / shape
 
-    def _widened(
-        self, c: Crossings, rays: Rays, ups: F64, world: World
-    ) -> tuple[Flags | None, WireEchoes | None]:
+    def _widened(self, c: Crossings, rays: Rays, world: World) -> tuple[Flags | None, WireEchoes | None]:
         """Return the mask of pulses with more than an opaque surface, None for none, and their wires."""
         own = touched(c) if world.has_layers else None
         if own is not None and not own.any():
@@ -387,7 +362,7 @@ class PulseLidar(ABC):
         wires = None
         if world.wires:
             wires = world.wires.echoes(
-                rays.origin, rays.direction, ups, c.range_m, self.reach.most_m, self.beam
+                rays.origin, rays.direction, rays.up, c.range_m, self.reach.most_m, self.beam
             )
             wired = wires.share[:, 0] > 0.0
             if wired.any():
@@ -395,34 +370,6 @@ class PulseLidar(ABC):
             else:
                 wires = None
         return own, wires
-
-    def _reported(self, echoes: BeamEchoes, by_power: Flags | None, normal: F64, uniform: F64) -> Reported:
-        """Return what is reported of echoes: those bright enough, one pulse's all lost or none.
-
-        Of a pulse that meets a wire or an edge, the power counts, bright / range^2: these may be far apart.
-        """
-        merged = merge(echoes)
-        faint = self.reach.faint(merged.bright)
-        lit = [
-            self.reach.detected(merged.range_m[:, k], faint[:, k], normal, uniform, self.noise)
-            for k in range(faint.shape[1])
-        ]
-        seen = np.column_stack(lit) & (merged.bright >= FAINTEST)
-        power = None
-        if by_power is not None:
-            with np.errstate(invalid="ignore"):
-                near = merged.bright / merged.range_m**2
-            power = np.where(by_power[:, np.newaxis], np.nan_to_num(near), merged.bright)
-        return report(merged, seen, self.SEPARATION_M, power)
-
-    def _add_second(self, echoes: Echoes, found: Reported, at: I64, normal: F64, row_m: F64) -> None:
-        """Write the second returns of pulses; a ghost has none, and dust takes the place of the other."""
-        two = (found.last_m != found.other_m) & ~echoes.ghost[at]
-        last_m = found.last_m + range_error(found.last_m, normal, self.noise) + row_m
-        other_m = found.other_m + range_error(found.other_m, normal, self.noise) + row_m
-        echoes.behind_m[at[two]], echoes.behind_bright[at[two]] = last_m[two], found.last_bright[two]
-        two &= ~echoes.dust[at]
-        echoes.other_m[at[two]], echoes.other_bright[at[two]] = other_m[two], found.other_bright[two]
 
     def _pulses_before(self, time_ns: int) -> int:
         """Return the number of pulses fired before a simulated time."""

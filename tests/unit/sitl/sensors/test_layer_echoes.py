@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sitl.sensors.layer_echoes import BeamEchoes, merge, report
 from sitl.sensors.lidar_mount import Mount
 from sitl.sensors.mid360 import Mid360
 from sitl.sensors.optics import Noise
@@ -199,28 +198,6 @@ def test_rows_are_denser_than_the_gaps_between_them() -> None:
     for where in (np.minimum(phase, 1 - phase) < 0.1, np.abs(phase - 0.5) < 0.1):
         assert passed[where].mean() == pytest.approx(share[where].mean(), abs=0.03)
     assert share.max() > 20 * share.min()
-
-
-def test_a_sensor_of_one_return_reports_the_strongest() -> None:
-    ranges = np.array([[10.0, 11.0, 12.5, np.nan]])
-    bright = np.array([[0.10, 0.12, 0.30, 0.0]])
-    found = report(merge(BeamEchoes(ranges, bright)), bright > 0.05, 1.0)
-    assert (found.strongest_m[0], found.strongest_bright[0]) == (12.5, 0.30)
-    assert (found.last_m[0], found.other_m[0]) == pytest.approx((12.5, 11.0))
-
-
-def test_two_returns_are_the_last_and_the_strongest() -> None:
-    bright = np.array([[0.40, 0.12, 0.30]])
-    found = report(merge(BeamEchoes(np.array([[10.0, 11.0, 12.5]]), bright)), bright > 0.2, 1.0)
-    assert (found.strongest_m[0], found.last_m[0], found.other_m[0]) == (10.0, 12.5, 10.0)
-    near = report(BeamEchoes(np.array([[10.0, 10.6]]), bright[:, :2]), bright[:, :2] > 0.1, 1.0)
-    assert near.last_m[0] == near.other_m[0] == 10.0
-
-
-def test_echoes_within_a_pulse_add_up_at_their_mean() -> None:
-    merged = merge(BeamEchoes(np.array([[10.0, 10.2, 14.0]]), np.array([[0.1, 0.3, 0.2]])))
-    np.testing.assert_allclose(merged.range_m, [[10.15, 10.15, 14.0]])
-    np.testing.assert_allclose(merged.bright, [[0.4, 0.4, 0.2]])
 
 
 def test_velodyne_reports_leaves_before_the_ground_of_a_maize_field() -> None:
