@@ -30,8 +30,11 @@ def kernel(function: F) -> F:
 
 
 def kernel_part(function: F) -> F:
-    """Compile a function that kernels call, for the types of each call; it allocates nothing, as they do."""
-    return cast(F, _compiled(function, counted=False))
+    """Compile a function that kernels call, for the types of each call; it allocates nothing, as they do.
+
+    It becomes a part of its callers: a call would copy some hundred words of a world's tables.
+    """
+    return cast(F, _compiled(function, counted=False, forceinline=True))
 
 
 def kernel_for_any_types(function: F) -> F:
@@ -39,14 +42,14 @@ def kernel_for_any_types(function: F) -> F:
     return cast(F, _compiled(function, counted=True))
 
 
-def _compiled(function: Callable[..., Any], counted: bool) -> Any:
+def _compiled(function: Callable[..., Any], counted: bool, **options: Any) -> Any:
     """Return a function with Numba's compiler, without the GIL and cached on disk.
 
     Numba reuses compiled code until the source of the kernel itself changes, but that code contains kernels
     and constants of other modules too. The cache is therefore marked with all sources of the simulator.
     ``fastmath`` is never on: it would let the compiler assume that NaN does not exist.
     """
-    options: dict[str, Any] = {"_nrt": counted}  # a name that Numba's own types do not have
+    options["_nrt"] = counted  # a name that Numba's own types do not have
     compiled = numba.njit(cache=True, nogil=True, error_model="numpy", **options)(function)
     index = getattr(getattr(compiled, "_cache", None), "_cache_file", None)
     if index is not None:  # None if the compiler is disabled
