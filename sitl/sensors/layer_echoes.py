@@ -41,8 +41,10 @@ class BeamEchoes:
 
 def touched(crossings: Crossings) -> Flags:
     """Return the mask of pulses that meet water, a wet surface, plants or snow."""
-    wet = np.isfinite(crossings.water_m) | (crossings.kind == Kind.WET_ASPHALT)
-    return np.asarray(wet | np.isfinite(crossings.leaf_m).any(axis=1))
+    met: Flags = np.isfinite(crossings.water_m) | (crossings.kind == np.uint8(Kind.WET_ASPHALT))
+    for leaf_m in crossings.leaf_m.T:
+        met |= np.isfinite(leaf_m)
+    return met
 
 
 def beam_echoes(

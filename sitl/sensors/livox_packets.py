@@ -24,17 +24,33 @@ from __future__ import annotations
 
 import struct
 import zlib
-from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 U8 = NDArray[np.uint8]
 
 POINTS_PER_PACKET = 96
+FREE_RUNNING = 0
 HEADER = struct.Struct("<BHHHHBBB12sI")
+HEAD = np.dtype(
+    [
+        ("version", "u1"),
+        ("length", "<u2"),
+        ("time_interval", "<u2"),
+        ("dot_num", "<u2"),
+        ("udp_cnt", "<u2"),
+        ("frame_cnt", "u1"),
+        ("data_type", "u1"),
+        ("time_type", "u1"),
+        ("reserved", "u1", 12),
+        ("crc32", "<u4"),
+        ("timestamp", "<u8"),
+    ]
+)
 _STAMP = struct.Struct("<Q")
 _IMU = struct.Struct("<6f")
 HEADER_BYTES = HEADER.size + _STAMP.size
@@ -53,24 +69,6 @@ class DataType(IntEnum):
     CARTESIAN_32 = 1
     CARTESIAN_16 = 2
     SPHERICAL = 3
-
-
-class TimeType(IntEnum):
-    """Clock of the timestamp of a packet."""
-
-    FREE_RUNNING = 0
-    GPS = 2
-
-
-@dataclass(frozen=True, slots=True)
-class Label:
-    """Header fields that change from packet to packet."""
-
-    stamp_ns: int
-    interval_ns: int
-    udp_count: int
-    frame_count: int = 0
-    time_type: TimeType = TimeType.FREE_RUNNING
 
 
 def point_data(
@@ -107,20 +105,43 @@ def point_data(
     return data
 
 
-def point_packet(label: Label, data_type: DataType, data: NDArray[np.void]) -> bytes:
-    """Encode one packet of points, see `point_data`.
+def point_packets(
+    stamp_ns: I64,
+    udp_count: I64,
+    frame_count: I64,
+    interval_ns: int,
+    data_type: DataType,
+    data: NDArray[np.void],
+) -> list[bytes]:
+    """Encode packets of as many points each, see `point_data`; the arrays hold a value for each packet.
 
     Raises
     ------
     ValueError
         If a value does not fit its header field.
     """
-    return _packet(label, data_type, len(data), data.tobytes())
+    count = len(stamp_ns)
+    dots = len(data) // count
+    packets = np.zeros(count, [("head", HEAD), ("data", data.dtype, dots)])
+    packets["data"] = data.reshape(count, dots)
+    head, length, interval = packets["head"], packets.itemsize, round(interval_ns / 100)
+    if interval > 0xFFFF or length > 0xFFFF:
+        raise ValueError(f"packet: {interval_ns} ns or {length} bytes do not fit 16 bits")
+    head["length"], head["time_interval"], head["dot_num"] = length, interval, dots
+    head["udp_cnt"], head["frame_cnt"] = udp_count & 0xFFFF, frame_count & 0xFF
+    head["data_type"], head["time_type"] = int(data_type), FREE_RUNNING
+    head["timestamp"] = stamp_ns.astype(np.uint64)
+    checked = packets.view(np.uint8).reshape(count, length)[:, HEADER.size :]
+    head["crc32"] = [zlib.crc32(octets) for octets in checked]
+    whole = packets.tobytes()
+    return [whole[k : k + length] for k in range(0, len(whole), length)]
 
 
-def encode_imu(label: Label, rate_rad_s: F64, force_g: F64) -> bytes:
+def encode_imu(stamp_ns: int, count: int, rate_rad_s: F64, force_g: F64) -> bytes:
     """Encode one IMU packet: angular rate (3,) and specific force (3,) in the sensor frame."""
-    return _packet(label, DataType.IMU, 1, _IMU.pack(*rate_rad_s.tolist(), *force_g.tolist()))
+    checked = _STAMP.pack(stamp_ns % 2**64) + _IMU.pack(*rate_rad_s.tolist(), *force_g.tolist())
+    head = (0, HEADER.size + len(checked), 0, 1, count & 0xFFFF, 0, DataType.IMU, FREE_RUNNING, bytes(12))
+    return HEADER.pack(*head, zlib.crc32(checked)) + checked
 
 
 def _spherical(points_m: F64) -> NDArray[np.void]:
@@ -132,14 +153,3 @@ def _spherical(points_m: F64) -> NDArray[np.void]:
     data["theta"] = np.where(depth > 0.0, np.rint(np.degrees(np.arctan2(np.hypot(x, y), z)) * 100.0), 0)
     data["phi"] = np.where(depth > 0.0, np.rint(azimuth * 100.0), 0)
     return data
-
-
-def _packet(label: Label, data_type: DataType, dots: int, data: bytes) -> bytes:
-    interval = round(label.interval_ns / 100)
-    length = HEADER_BYTES + len(data)
-    if interval > 0xFFFF or length > 0xFFFF:
-        raise ValueError(f"packet: {label.interval_ns} ns or {length} bytes do not fit 16 bits")
-    checked = _STAMP.pack(label.stamp_ns % 2**64) + data
-    counters = (label.udp_count & 0xFFFF, label.frame_count & 0xFF)
-    head = (0, length, interval, dots, *counters, int(data_type), int(label.time_type), bytes(12))
-    return HEADER.pack(*head, zlib.crc32(checked)) + checked

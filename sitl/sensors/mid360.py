@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.sensors.lidar_mount import Mount
-from sitl.sensors.livox_packets import POINTS_PER_PACKET, DataType, Label, point_data, point_packet
+from sitl.sensors.livox_packets import POINTS_PER_PACKET, DataType, point_data, point_packets
 from sitl.sensors.mid360_pattern import directions
 from sitl.sensors.optics import Noise, Reach
 from sitl.sensors.pulse_lidar import PulseLidar, Shots
@@ -110,22 +110,14 @@ class Mid360(PulseLidar):
         reflectivity[tag != 0] = 3
         reflectivity[shots.echoes.range_m == 0.0] = 0
         data = point_data(self.points_m(shots), reflectivity, tag, self.data_type)
-        size = self.pulses_per_packet
-        return [
-            point_packet(self._label(int(shots.index[k])), self.data_type, data[k : k + size])
-            for k in range(0, len(shots), size)
-        ]
+        elapsed = shots.index[:: self.pulses_per_packet] * self.period_ns
+        interval_ns = (self.pulses_per_packet - 1) * self.period_ns
+        udp, frame = np.array([self._count(begin_ns) for begin_ns in elapsed.tolist()]).T
+        return point_packets(self.clock.offset_ns + elapsed, udp, frame, interval_ns, self.data_type, data)
 
-    def _label(self, first_point: int) -> Label:
-        elapsed = first_point * self.period_ns
-        if self._frame_restart and elapsed // FRAME_NS != self._frame:
-            self._frame = elapsed // FRAME_NS
-            self._udp_count = 0
-        label = Label(
-            stamp_ns=self.clock.offset_ns + elapsed,
-            interval_ns=(self.pulses_per_packet - 1) * self.period_ns,
-            udp_count=self._udp_count,
-            frame_count=self._frame if self._frame_restart else 0,
-        )
-        self._udp_count += 1
-        return label
+    def _count(self, elapsed_ns: int) -> tuple[int, int]:
+        """Return the next ``udp_cnt`` and its ``frame_cnt``, for a packet that begins at a time."""
+        frame = elapsed_ns // FRAME_NS if self._frame_restart else 0
+        self._udp_count = self._udp_count + 1 if frame == self._frame else 0
+        self._frame = frame
+        return self._udp_count, frame

@@ -32,8 +32,8 @@ _SWING_DEG = (ELEVATION_MAX_DEG - ELEVATION_MIN_DEG) / 2 - FAN_DEG[-1]
 _THIRD = 0.07
 
 
-def angles_rad(index: I64, elapsed_ns: I64) -> tuple[F64, F64]:
-    """Return azimuth (any turn) and elevation of pulses, radians.
+def angles_rad(index: I64, elapsed_ns: I64) -> tuple[F64, F64, F64]:
+    """Return azimuth (any turn) and elevation of pulses, radians, and the cosine of the elevation.
 
     Parameters
     ----------
@@ -43,17 +43,18 @@ def angles_rad(index: I64, elapsed_ns: I64) -> tuple[F64, F64]:
         Sensor time since power-up.
     """
     time_s = elapsed_ns * 1e-9
-    mirror = 2.0 * np.pi * ((MIRROR_HZ * time_s) % 1.0)
-    swing = 2.0 * np.pi * ((SWING_HZ * time_s) % 1.0)
-    fan_deg = FAN_DEG[index % LINES]
+    mirror, swing = (
+        2.0 * np.pi * (turns - np.floor(turns)) for turns in (MIRROR_HZ * time_s, SWING_HZ * time_s)
+    )
+    fan_deg = FAN_DEG[index & (LINES - 1)]
     shape = (np.cos(swing) + _THIRD * np.cos(3.0 * swing)) / (1.0 + _THIRD)
     elevation = np.radians(_MIDDLE_DEG + _SWING_DEG * shape + fan_deg * np.cos(mirror))
-    azimuth = -mirror + np.radians(fan_deg) * np.sin(mirror) / np.cos(elevation)
-    return azimuth, elevation
+    flat = np.cos(elevation)
+    azimuth = -mirror + np.radians(fan_deg) * np.sin(mirror) / flat
+    return azimuth, elevation, flat
 
 
 def directions(index: I64, elapsed_ns: I64) -> F64:
     """Return unit vectors (n, 3) in the sensor frame (x forward, y left, z up)."""
-    azimuth, elevation = angles_rad(index, elapsed_ns)
-    flat = np.cos(elevation)
+    azimuth, elevation, flat = angles_rad(index, elapsed_ns)
     return np.column_stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])

@@ -56,7 +56,7 @@ class Opal(Mid360):
 
     def directions(self, index: I64) -> F64:
         time_s = self.fired_ns(index) * 1e-9
-        first, second = (2.0 * np.pi * ((hz * time_s) % 1.0) for hz in PRISMS_HZ)
+        first, second = (2.0 * np.pi * (hz * time_s - np.floor(hz * time_s)) for hz in PRISMS_HZ)
         bend = np.radians(HALF_CONE_DEG) / 2
         aside, up = bend * (np.cos(first) + np.cos(second)), bend * (np.sin(first) + np.sin(second))
         angle = np.hypot(aside, up)

@@ -356,7 +356,7 @@ class World:
             cast_layers(*layers, *rays, range_m, limit, depths, water_m, depth_m, bottom, leaf_m, plant)
             if self.wash is not None and time_s is not None:
                 leaf_m = self.wash.pressed_m(leaf_m, range_m, origins, directions, time_s)
-        opaque = (kind == Kind.WATER) & np.isnan(water_m)
+        opaque = (kind == np.uint8(Kind.WATER)) & np.isnan(water_m)
         water_m[opaque], depth_m[opaque] = range_m[opaque], np.inf
         return Crossings(range_m, kind, cosine, water_m, depth_m, bottom, leaf_m, plant, hit)
 

@@ -37,7 +37,7 @@ import struct
 import numpy as np
 
 from sitl.sensors.imu.inertial_unit import GRAVITY_MS2, InertialSamples
-from sitl.sensors.livox_packets import Label, encode_imu
+from sitl.sensors.livox_packets import encode_imu
 
 _OUSTER = struct.Struct("<QQQ3f3f")
 
@@ -53,7 +53,7 @@ class LivoxInertialPackets:
         for stamp_ns, rate, force in zip(
             samples.stamp_ns.tolist(), samples.rate_rad_s, samples.force_ms2 / GRAVITY_MS2, strict=True
         ):
-            out.append(encode_imu(Label(stamp_ns, 0, self._count), rate, force))
+            out.append(encode_imu(stamp_ns, self._count, rate, force))
             self._count += 1
         return out
 
