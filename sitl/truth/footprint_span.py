@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sitl.array_types import Array1D, Strided2D
+from sitl.array_types import Array1D, Array2D, Strided2D
 from sitl.compilation import kernel
 
 Plane = Strided2D[np.float64]
@@ -12,12 +12,13 @@ Plane = Strided2D[np.float64]
 
 @kernel
 def measure_span(
-    z: Plane,
+    z: Array2D[np.float64],
     offsets_m: Array1D[np.float64],
     step: int,
     mean: Plane,
     gradient_x: Plane,
     gradient_y: Plane,
+    room: Array2D[np.float64],
     span: Plane,
 ) -> None:
     """Write the greatest less the smallest residual of each footprint; NaN where its plane is NaN.
@@ -32,15 +33,25 @@ def measure_span(
         Samples from one footprint to the next.
     mean, gradient_x, gradient_y, span
         (columns, rows) of the footprints: their planes, and the result, m.
+    room
+        (3, samples of a footprint's side): the plane and the extremes along a row of samples, so that the
+        compiler takes several samples at once.
     """
     n = len(offsets_m)
+    plane, lowest, highest = room[0], room[1], room[2]
     for column in range(mean.shape[0]):
         for row in range(mean.shape[1]):
-            level, east, north = mean[column, row], gradient_x[column, row], gradient_y[column, row]
-            lowest, highest = np.inf, -np.inf
+            for i in range(n):
+                plane[i] = mean[column, row] + gradient_x[column, row] * offsets_m[i]
+                lowest[i], highest[i] = np.inf, -np.inf
             for j in range(n):
+                north = gradient_y[column, row] * offsets_m[j]
+                samples = z[row * step + j, column * step : column * step + n]
                 for i in range(n):
-                    plane = level + east * offsets_m[i] + north * offsets_m[j]
-                    residual = z[row * step + j, column * step + i] - plane
-                    lowest, highest = min(lowest, residual), max(highest, residual)
-            span[column, row] = np.nan if np.isnan(level) else highest - lowest
+                    residual = samples[i] - (plane[i] + north)
+                    lowest[i] = residual if residual < lowest[i] else lowest[i]
+                    highest[i] = residual if residual > highest[i] else highest[i]
+            least, most = np.inf, -np.inf
+            for i in range(n):
+                least, most = min(least, lowest[i]), max(most, highest[i])
+            span[column, row] = np.nan if np.isnan(mean[column, row]) else most - least

@@ -141,8 +141,8 @@ def _shifted(a: NDArray[Any], k: int, n: int, step: int) -> NDArray[Any]:
 def _fit(z: F64, offsets: F64, step: int) -> tuple[F32, F32]:
     """Return slope (deg) and relief (m) of the footprints that slide over a tile of samples."""
     n = len(offsets)
-    down = [_shifted(z, k, n, step) for k in range(n)]
-    column_sum = np.sum(down, axis=0).T
+    down = np.array([_shifted(z, k, n, step) for k in range(n)])
+    column_sum = down.sum(axis=0).T
     column_moment = np.tensordot(offsets, down, axes=1).T
     across = np.array([_shifted(column_sum, k, n, step) for k in range(n)])
     total, moment_x = across.sum(axis=0), np.tensordot(offsets, across, axes=1)
@@ -151,7 +151,9 @@ def _fit(z: F64, offsets: F64, step: int) -> tuple[F32, F32]:
     spread = n * float(np.sum(offsets**2))
     mean, gradient_x, gradient_y = total / n**2, moment_x / spread, moment_y / spread
     relief = np.empty(mean.shape)
-    measure_span(z, offsets, step, mean, gradient_x, gradient_y, relief)
+    measure_span(
+        np.ascontiguousarray(z), offsets, step, mean, gradient_x, gradient_y, np.empty((3, n)), relief
+    )
     slope = np.degrees(np.arctan(np.hypot(gradient_x, gradient_y)))
     return slope.T.astype(np.float32), relief.T.astype(np.float32)
 
