@@ -101,10 +101,7 @@ class Mid360(PulseLidar):
         tag[e.dust & e.marked] = _TAG_DUST
         return tag
 
-    def encode(self, shots: Shots) -> bytes:
-        return self.encode_all(shots)[0]
-
-    def encode_all(self, shots: Shots) -> list[bytes]:
+    def encode(self, shots: Shots) -> list[bytes]:
         tag = self.tags(shots)
         reflectivity = np.minimum(np.maximum(np.rint(150.0 * shots.bright), 1), 150).astype(np.uint8)
         reflectivity[tag != 0] = 3

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sitl.sensors.lidar_mount import Mount
 from sitl.sensors.optics import Noise, Reach
-from sitl.sensors.ouster_packets import PACKET_COLUMNS, UP_MM, encode_packet, metadata, packet_type
+from sitl.sensors.ouster_packets import PACKET_COLUMNS, UP_MM, encode_packets, metadata, packet_type
 from sitl.sensors.pulse_lidar import PulseLidar, Shots
 from sitl.sensors.sensor_clock import Clock
 from sitl.world.wires import Beam
@@ -129,9 +129,9 @@ class Ouster(PulseLidar):
     def directions(self, index: I64) -> F64:
         """Return unit vectors: column 0 points back over the connector, and the head turns clockwise."""
         azimuth = np.pi - (2.0 * np.pi / COLUMNS) * (index // self._rows % COLUMNS)
-        elevation = self._elevation[index % self._rows]
-        flat = np.cos(elevation)
-        return np.column_stack([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
+        row = index % self._rows
+        flat, up = np.cos(self._elevation)[row], np.sin(self._elevation)[row]
+        return np.column_stack([flat * np.cos(azimuth), flat * np.sin(azimuth), up])
 
     def origins_m(self, index: I64) -> F64:
         return np.tile([0.0, 0.0, UP_MM * 1e-3], (len(index), 1))
@@ -139,10 +139,8 @@ class Ouster(PulseLidar):
     def is_traced(self, index: I64) -> NDArray[np.bool_] | None:
         return None if self._every == 1 else index // self._rows % self._every == 0
 
-    def encode(self, shots: Shots) -> bytes:
-        shape, firsts = (PACKET_COLUMNS, self._rows), shots.index[:: self._rows]
-        frame, first = divmod(int(firsts[0]) // self._rows, COLUMNS)
-        stamps_ns = self.clock.offset_ns + self.fired_ns(firsts)
+    def encode(self, shots: Shots) -> list[bytes]:
+        firsts = shots.index[:: self._rows].reshape(-1, PACKET_COLUMNS)
         e = shots.echoes
         pairs = [(e.range_m, shots.bright)]
         if self.dual:
@@ -151,10 +149,12 @@ class Ouster(PulseLidar):
             second_m = np.where(second_is_last, e.behind_m, e.other_m)
             second = np.where(second_is_last, e.behind_bright, e.other_bright)
             pairs.append((np.where(second_m == e.range_m, 0.0, second_m), second))
+        shape = (*firsts.shape, self._rows)
         returns = [(m.reshape(shape), _reflectivity(m, bright).reshape(shape)) for m, bright in pairs]
         traced = self.is_traced(firsts)
         valid = True if traced is None else traced  # the others tell nothing of their rays
-        return encode_packet(self._layout, frame, first, stamps_ns, returns, valid)
+        stamps_ns = self.clock.offset_ns + self.fired_ns(firsts)
+        return encode_packets(self._layout, firsts[:, 0] // self._rows, COLUMNS, stamps_ns, returns, valid)
 
 
 def _reflectivity(range_m: F64, bright: F64) -> NDArray[np.uint8]:

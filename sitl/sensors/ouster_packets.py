@@ -78,44 +78,44 @@ def packet_type(rows: int, dual: bool = False) -> np.dtype[np.void]:
     )
 
 
-def encode_packet(
+def encode_packets(
     layout: np.dtype[np.void],
-    frame: int,
-    first_column: int,
+    first: I64,
+    frame_columns: int,
     stamps_ns: I64,
     returns: Sequence[tuple[F64, U8]],
-    valid: Sequence[bool] | NDArray[np.bool_] | bool = True,
-) -> bytes:
-    """Encode one packet.
+    valid: NDArray[np.bool_] | bool = True,
+) -> list[bytes]:
+    """Encode n packets.
 
     Parameters
     ----------
     layout
         See ``packet_type``.
-    frame, first_column
-        Number of the frame, and of the first column in it.
+    first, frame_columns
+        (n,) number of the first column since power-up, and columns of a frame.
     stamps_ns
-        (16,) of the columns.
+        (n, 16) of the columns.
     returns
-        One or two (range in m, reflectivity), the strongest first, each (16, rows) with the highest row
+        One or two (range in m, reflectivity), the strongest first, each (n, 16, rows) with the highest row
         first; a range of zero is no return.
     valid
-        (16,), whether the columns were measured.
+        (n, 16), whether the columns were measured.
     """
-    packet = np.zeros((), layout)
-    packet["packet_type"], packet["frame_id"] = 1, frame % 65_536
-    packet["init_id"] = list(INIT_ID.to_bytes(3, "little"))
-    packet["serial_number"] = list(SERIAL.to_bytes(5, "little"))
-    columns = packet["columns"]
+    packets = np.zeros(len(first), layout)
+    packets["packet_type"], packets["frame_id"] = 1, first // frame_columns % 65_536
+    packets["init_id"] = list(INIT_ID.to_bytes(3, "little"))
+    packets["serial_number"] = list(SERIAL.to_bytes(5, "little"))
+    columns = packets["columns"]
     columns["timestamp"] = stamps_ns
-    columns["measurement_id"] = first_column + np.arange(PACKET_COLUMNS)
+    columns["measurement_id"] = (first % frame_columns)[:, np.newaxis] + np.arange(PACKET_COLUMNS)
     columns["status"] = valid
     for (range_m, reflectivity), suffix in zip(returns, ("", "2"), strict=False):
         mm = np.maximum(np.rint(range_m * 1000.0), 0)
         columns["pixels"][f"range{suffix}"] = np.where(mm > MOST_MM, 0, mm)
         columns["pixels"][f"reflectivity{suffix}"] = reflectivity
         columns["pixels"][f"signal{suffix}"] = 10 * reflectivity.astype(np.uint16)
-    return packet.tobytes()
+    return [packet.tobytes() for packet in packets]
 
 
 def metadata(elevation_deg: F64, columns: int, product: str = "OS-1", dual: bool = False) -> str:

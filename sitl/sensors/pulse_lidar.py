@@ -178,14 +178,8 @@ class PulseLidar(ABC):
         """Return nominal unit vectors (n, 3) of pulses in the sensor frame."""
 
     @abstractmethod
-    def encode(self, shots: Shots) -> bytes:
-        """Return the packet of these pulses."""
-
-    def encode_all(self, shots: Shots) -> list[bytes]:
-        """Return the packets sent of these pulses, which fill them."""
-        size = self.pulses_per_packet
-        each = (shots[slice(k, k + size)] for k in range(0, len(shots), size))
-        return [self.encode(one) for one in each if self.is_sent(int(one.index[0]))]
+    def encode(self, shots: Shots) -> list[bytes]:
+        """Return the packets that are sent of these pulses, which fill them."""
 
     @property
     def group(self) -> int:
@@ -204,10 +198,6 @@ class PulseLidar(ABC):
     def is_traced(self, index: I64) -> NDArray[np.bool_] | None:
         """Return the mask of pulses traced into the world, the others get no return; None for all."""
         return None
-
-    def is_sent(self, first: int) -> bool:
-        """Return whether the packet that begins with a pulse is sent."""
-        return True
 
     # ---- use ------------------------------------------------------------------------------------
 
@@ -384,6 +374,6 @@ class PulseLidar(ABC):
         full = len(self._pending) // self.pulses_per_packet * self.pulses_per_packet
         if not full:
             return []
-        packets = self.encode_all(self._pending[slice(full)])
+        packets = self.encode(self._pending[slice(full)])
         self._pending = self._pending[slice(full, None)]
         return packets

@@ -59,26 +59,26 @@ class ReturnMode(IntEnum):
     DUAL = 0x39
 
 
-def encode_packet(
-    stamp_ns: int, azimuth_deg: F64, range_m: F64, reflectivity: U8, mode: ReturnMode = ReturnMode.STRONGEST
-) -> bytes:
-    """Encode one packet.
+def encode_packets(
+    stamp_ns: I64, azimuth_deg: F64, range_m: F64, reflectivity: U8, mode: ReturnMode = ReturnMode.STRONGEST
+) -> list[bytes]:
+    """Encode n packets.
 
     Parameters
     ----------
     stamp_ns
-        Time of the first firing on any clock; only the time past the hour is sent.
+        (n,) time of the first firing on any clock; only the time past the hour is sent.
     azimuth_deg
-        (12,) of each block's first laser.
+        (n, 12) of each block's first laser.
     range_m, reflectivity
-        (12, 32), zero is no return.
+        (n, 12, 32), zero is no return.
     """
-    packet = np.zeros((), PACKET)
-    packet["blocks"]["flag"] = 0xEEFF
-    packet["blocks"]["azimuth"] = np.rint(azimuth_deg * 100.0).astype(np.int64) % 36_000
+    packets = np.zeros(len(stamp_ns), PACKET)
+    packets["blocks"]["flag"] = 0xEEFF
+    packets["blocks"]["azimuth"] = np.rint(azimuth_deg * 100.0).astype(np.int64) % 36_000
     distance = np.maximum(np.rint(range_m / DISTANCE_M), 0)
-    packet["blocks"]["channels"]["distance"] = np.where(distance > MOST_DISTANCE, 0, distance)
-    packet["blocks"]["channels"]["reflectivity"] = np.where(distance > 0, reflectivity, 0)
-    packet["stamp"] = stamp_ns // 1000 % HOUR_US
-    packet["mode"], packet["model"] = int(mode), MODEL
-    return packet.tobytes()
+    packets["blocks"]["channels"]["distance"] = np.where(distance > MOST_DISTANCE, 0, distance)
+    packets["blocks"]["channels"]["reflectivity"] = np.where(distance > 0, reflectivity, 0)
+    packets["stamp"] = stamp_ns // 1000 % HOUR_US
+    packets["mode"], packets["model"] = int(mode), MODEL
+    return [packet.tobytes() for packet in packets]

@@ -15,7 +15,7 @@ from sitl.sensors.lidar_mount import Mount
 from sitl.sensors.optics import Noise, Reach
 from sitl.sensors.pulse_lidar import PulseLidar, Shots
 from sitl.sensors.sensor_clock import Clock
-from sitl.sensors.velodyne_packets import BLOCKS, CHANNELS, LASERS, ReturnMode, encode_packet
+from sitl.sensors.velodyne_packets import BLOCKS, CHANNELS, LASERS, ReturnMode, encode_packets
 from sitl.world.wires import Beam
 
 F64 = NDArray[np.float64]
@@ -27,6 +27,7 @@ RATE_HZ = LASERS * 1e9 / SEQUENCE_NS
 ELEVATION_DEG: F64 = np.array(
     [-15.0, 1.0, -13.0, 3.0, -11.0, 5.0, -9.0, 7.0, -7.0, 9.0, -5.0, 11.0, -3.0, 13.0, -1.0, 15.0]
 )
+ELEVATION = np.radians(ELEVATION_DEG)
 UP_M: F64 = 1e-3 * np.array(
     [11.2, -0.7, 9.7, -2.2, 8.1, -3.7, 6.6, -5.1, 5.1, -6.6, 3.7, -8.1, 2.2, -9.7, 0.7, -11.2]
 )
@@ -89,10 +90,9 @@ class Vlp16(PulseLidar):
         return np.asarray(self.fired_ns(index) % TURN_NS * (360.0 / TURN_NS), np.float64)
 
     def directions(self, index: I64) -> F64:
-        azimuth = np.radians(self.azimuth_deg(index))
-        elevation = np.radians(ELEVATION_DEG[index % LASERS])
-        flat = np.cos(elevation)
-        return np.column_stack([flat * np.cos(azimuth), -flat * np.sin(azimuth), np.sin(elevation)])
+        azimuth, laser = np.radians(self.azimuth_deg(index)), index % LASERS
+        flat, up = np.cos(ELEVATION)[laser], np.sin(ELEVATION)[laser]
+        return np.column_stack([flat * np.cos(azimuth), -flat * np.sin(azimuth), up])
 
     def origins_m(self, index: I64) -> F64:
         up = UP_M[index % LASERS]
@@ -101,29 +101,27 @@ class Vlp16(PulseLidar):
     def is_traced(self, index: I64) -> NDArray[np.bool_] | None:
         return None if self._every == 1 else index // self.pulses_per_packet % self._every == 0
 
-    def is_sent(self, first: int) -> bool:
-        return first // self.pulses_per_packet % self._every == 0
-
-    def encode(self, shots: Shots) -> bytes:
-        shape = (self._blocks, CHANNELS)
-        ranges, behind = shots.echoes.range_m.reshape(shape), shots.echoes.behind_m.reshape(shape)
-        reflectivity = _reflectivity(shots.bright).reshape(shape)
-        if self.mode is ReturnMode.LAST:
-            ranges, reflectivity = behind, _reflectivity(shots.echoes.behind_bright).reshape(shape)
-        azimuth = self.azimuth_deg(shots.index[::CHANNELS])
-        if self.mode is ReturnMode.DUAL:
+    def encode(self, shots: Shots) -> list[bytes]:
+        first = shots.index[:: self.pulses_per_packet]
+        sent = first // self.pulses_per_packet % self._every == 0
+        e, dual = shots.echoes, self.mode is ReturnMode.DUAL
+        measured = (e.range_m, shots.bright), (e.behind_m, e.behind_bright), (e.other_m, e.other_bright)
+        shape = (-1, self._blocks, CHANNELS)
+        ranges, bright = (
+            [values.reshape(shape)[sent] for values in of_all] for of_all in zip(*measured, strict=True)
+        )
+        azimuth = self.azimuth_deg(shots.index[::CHANNELS]).reshape(-1, self._blocks)[sent]
+        if dual:
             # Where the last is the strongest, the second strongest takes the other place: dust, or leaves.
-            last = np.where(behind > 0, behind, ranges)
-            other = shots.echoes.other_m.reshape(shape)
-            ranges = np.stack([last, other], axis=1).reshape(BLOCKS, CHANNELS)
-            pair = [
-                _reflectivity(b).reshape(shape)
-                for b in (shots.echoes.behind_bright, shots.echoes.other_bright)
-            ]
-            reflectivity = np.stack(pair, axis=1).reshape(BLOCKS, CHANNELS)
-            azimuth = np.repeat(azimuth, 2)
-        stamp_ns = self.clock.offset_ns + int(self.fired_ns(shots.index[:1])[0])
-        return encode_packet(stamp_ns, azimuth, ranges, reflectivity, self.mode)
+            last = np.where(ranges[1] > 0, ranges[1], ranges[0])
+            pairs = (last, ranges[2]), (bright[1], bright[2])
+            range_m, share = (np.stack(pair, axis=2).reshape(-1, BLOCKS, CHANNELS) for pair in pairs)
+            azimuth = np.repeat(azimuth, 2, axis=1)
+        else:
+            which = int(self.mode is ReturnMode.LAST)
+            range_m, share = ranges[which], bright[which]
+        stamps_ns = self.clock.offset_ns + self.fired_ns(first[sent])
+        return encode_packets(stamps_ns, azimuth, range_m, _reflectivity(share), self.mode)
 
 
 def _reflectivity(bright: F64) -> NDArray[np.uint8]:

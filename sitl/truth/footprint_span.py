@@ -49,8 +49,7 @@ def measure_span(
                 samples = z[row * step + j, column * step : column * step + n]
                 for i in range(n):
                     residual = samples[i] - (plane[i] + north)
-                    lowest[i] = residual if residual < lowest[i] else lowest[i]
-                    highest[i] = residual if residual > highest[i] else highest[i]
+                    lowest[i], highest[i] = min(lowest[i], residual), max(highest[i], residual)
             least, most = np.inf, -np.inf
             for i in range(n):
                 least, most = min(least, lowest[i]), max(most, highest[i])
