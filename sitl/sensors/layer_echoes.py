@@ -72,6 +72,10 @@ def beam_echoes(
         (n,) random factor of mean one of the mirror-like part.
     """
     c = crossings
+    if not touched(c).any():  # only wires make these pulses several echoes
+        bright = np.zeros((len(c.kind), c.leaf_m.shape[1] + 2))
+        bright[:, -1] = REFLECTANCE[c.kind] * c.cosine
+        return BeamEchoes(np.column_stack([c.leaf_m, c.water_m, c.range_m]), bright)
     slant = np.clip(-directions[:, 2], 1e-3, 1.0)
     leaf = np.isfinite(c.leaf_m)
     leaf_bright = np.where(leaf, REFLECTANCE[c.plant][:, np.newaxis] / PARTS, 0.0)

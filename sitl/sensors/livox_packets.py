@@ -25,6 +25,7 @@ from __future__ import annotations
 import struct
 import zlib
 from enum import IntEnum
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,7 +123,7 @@ def point_packets(
     """
     count = len(stamp_ns)
     dots = len(data) // count
-    packets = np.zeros(count, [("head", HEAD), ("data", data.dtype, dots)])
+    packets = np.zeros(count, _packet_type(data.dtype, dots))
     packets["data"] = data.reshape(count, dots)
     head, length, interval = packets["head"], packets.itemsize, round(interval_ns / 100)
     if interval > 0xFFFF or length > 0xFFFF:
@@ -135,6 +136,11 @@ def point_packets(
     head["crc32"] = [zlib.crc32(octets) for octets in checked]
     whole = packets.tobytes()
     return [whole[k : k + length] for k in range(0, len(whole), length)]
+
+
+@lru_cache(maxsize=8)
+def _packet_type(point: np.dtype[np.void], dots: int) -> np.dtype[np.void]:
+    return np.dtype([("head", HEAD), ("data", point, dots)])
 
 
 def encode_imu(stamp_ns: int, count: int, rate_rad_s: F64, force_g: F64) -> bytes:

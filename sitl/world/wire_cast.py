@@ -224,3 +224,9 @@ def cast_wires(
                 next_y += cell / abs(dy)
             if ix < 0 or iy < 0 or ix >= n_x or iy >= n_y:
                 break
+        for k in range(SLOTS if out_share[n, 0] > 0.0 else 0):
+            shade = 0.0  # of the wires before this one
+            for j in range(SLOTS):
+                if out_range[n, j] < out_range[n, k]:
+                    shade += out_share[n, j]
+            out_bright[n, k] *= min(max(1.0 - shade, 0.0), 1.0)

@@ -84,17 +84,7 @@ class Wires:
             widths = np.array([*beam.exit_m, *beam.divergence_rad])
             found = (range_m, share, bright, index)
             cast_wires(self._table, rays[0], rays[1], rays[2], ends, limit, widths, np.empty(SLOTS), *found)
-            met = np.flatnonzero(share[:, 0])
-            bright[met] *= _left_by_nearer(range_m[met], share[met])
         return WireEchoes(range_m, share, bright, index)
-
-
-def _left_by_nearer(range_m: F64, share: F64) -> F64:
-    """Return the share of each beam that the wires before each of its wires leave, (n, `SLOTS`)."""
-    with np.errstate(invalid="ignore"):
-        nearer = range_m[:, np.newaxis, :] < range_m[:, :, np.newaxis]
-    left: F64 = np.clip(1.0 - (nearer * share[:, np.newaxis, :]).sum(axis=2), 0.0, 1.0)
-    return left
 
 
 def _table(wires: Sequence[tuple[int, Wire]]) -> WireTable:
