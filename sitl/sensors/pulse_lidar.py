@@ -263,8 +263,8 @@ class PulseLidar(ABC):
             thin_wires=False,
             time_s=time_s[rays.at],
         )
-        noise, draws = self.noise, (normal, uniform, self.reach.blind_m, self.noise.dropout)
         true = np.zeros((3, index.size)), np.zeros((3, index.size)), np.full((3, index.size), NOTHING)
+        draws = normal, uniform, self.reach.blind_m, self.noise.dropout
         first = REFLECTANCE[c.kind] * c.cosine
         report_single(rays.at, c.range_m, self.reach.limit_m(first), first, c.hit, *draws, *true)
         for met in self._several(c, index, rays, time_s, glint, world):
@@ -272,14 +272,19 @@ class PulseLidar(ABC):
             limit_m = self.reach.limit_m(self.reach.faint(merged.bright))
             heard = met.echoes.range_m, met.echoes.bright, met.labels, merged.range_m, limit_m, merged.bright
             report_several(met.at, *heard, met.by_power, self.SEPARATION_M, *draws, *true)
-        range_m, bright, hit = true
+        return self._in_air(self._measured(index, nominal, true, normal, uniform), rays, time_s)
+
+    def _measured(
+        self, index: I64, nominal: F64, true: tuple[F64, F64, I64], normal: F64, uniform: F64
+    ) -> Shots:
+        """Return the measurements of true returns: their ranges, brightnesses and hits, (3, n) each."""
+        noise, (range_m, bright, hit) = self.noise, true
         flicker = np.maximum(1.0 + noise.intensity_sigma * self._flicker.standard_normal(index.size), 0.1)
         row_m = self._row_m[index % self.rows]
         shares = noise.range_sigma_m, noise.tail, noise.tail_factor, noise.ghost, noise.dust, noise.tagged
         false = [np.empty(index.size, np.bool_) for _ in range(3)]
         measure(np.exp(-range_m / 2.0), normal, uniform, flicker, row_m, *shares, *true, *false)
-        echoes = Echoes(*range_m, *bright[1:], *false)
-        return self._in_air(Shots(index, nominal, echoes, bright[0], Hits(*hit)), rays, time_s)
+        return Shots(index, nominal, Echoes(*range_m, *bright[1:], *false), bright[0], Hits(*hit))
 
     def _several(
         self, c: Crossings, index: I64, rays: Rays, time_s: F64, glint: F64, world: World
@@ -288,9 +293,9 @@ class PulseLidar(ABC):
         own, wires = self._widened(c, rays, world)
         found = []
         if own is not None:
-            at = rays.at[own]
+            at, mine = rays.at[own], c.of(own)
             met = beam_echoes(
-                c.of(own),
+                mine,
                 rays.origin[own],
                 rays.direction[own],
                 time_s[at],
@@ -298,7 +303,7 @@ class PulseLidar(ABC):
                 self.WAVELENGTH_NM,
                 glint[at],
             )
-            labels, by_power = echo_hits(c.of(own)), np.zeros(at.size, np.bool_)
+            labels, by_power = echo_hits(mine), np.zeros(at.size, np.bool_)
             if wires is not None:
                 met, labels = with_wires(met, wires.of(own)), np.hstack([labels, wires.index[own]])
                 by_power = wires.share[own, 0] > 0.0
