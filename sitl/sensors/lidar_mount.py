@@ -68,7 +68,7 @@ class Mount:
 
     def lever_enu_m(self, quat_wxyz: F64) -> F64:
         """Return the lever arm in ENU for each attitude, (n, 3)."""
-        return _to_enu(quat_wxyz, np.array([self.lever_frd_m]))
+        return _to_enu(quat_wxyz, np.array([self.lever_frd_m], np.float64))
 
 
 @lru_cache(maxsize=64)
@@ -87,7 +87,7 @@ def _rotation(roll_deg: float, pitch_deg: float, yaw_deg: float) -> F64:
 def _to_enu(quat_wxyz: F64, body: F64) -> F64:
     """Rotate vectors in body axes, one for each attitude or one for all, into ENU."""
     out = np.empty((len(quat_wxyz), 3))
-    rotate_to_enu(np.ascontiguousarray(quat_wxyz), body, out)
+    rotate_to_enu(np.ascontiguousarray(quat_wxyz, np.float64), body, out)
     return out
 
 

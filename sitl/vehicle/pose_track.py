@@ -50,7 +50,7 @@ class PoseTrack:
         """Return positions (n, 3) and quaternions (n, 4) at rising times, interpolated between ticks."""
         when, position = stamps_ns.astype(np.float64), np.empty((len(stamps_ns), 3))
         quat = np.empty((len(stamps_ns), 4))
-        track = np.array(self.stamps, np.float64), np.array(self.positions), self._one_sided()
+        track = np.array(self.stamps, np.float64), np.array(self.positions, np.float64), self._one_sided()
         interpolate_poses(*track, when, position, quat)
         return position, quat
 
@@ -76,7 +76,7 @@ class PoseTrack:
 
     def _one_sided(self) -> F64:
         """Return the quaternions (n, 4) with signs that do not jump."""
-        quats = np.array(self.quats)
+        quats = np.array(self.quats, np.float64)
         for i in range(1, len(quats)):
             if quats[i] @ quats[i - 1] < 0:
                 quats[i] = -quats[i]
