@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.array_types import Array1D, Array2D
-from sitl.compilation import kernel
+from sitl.compilation import kernel, kernel_part
 from sitl.world.primitives import REFLECTANCE
 from sitl.world.raycast import first_hit, surface_hit
 from sitl.world.tables import OpaqueTable
@@ -99,6 +99,23 @@ def edge_echoes(
     return EdgeEchoes(at, range_m, SHARES * (REFLECTANCE[kind] * cosine), hit)
 
 
+@kernel_part
+def _ring_ray(
+    axes: tuple[tuple[float, float, float], tuple[float, float, float]],
+    level: float,
+    upward: float,
+    turn: int,
+) -> tuple[float, float, float]:
+    """Return a unit vector beside the first of two axes; `level` and `upward` are the radii of the ring."""
+    (dx, dy, dz), (lx, ly, lz) = axes
+    aside, up = level * COSINE[turn], upward * SINE[turn]
+    x = dx + aside * lx + up * (ly * dz - lz * dy)
+    y = dy + aside * ly + up * (lz * dx - lx * dz)
+    z = dz + aside * lz + up * (lx * dy - ly * dx)
+    length = math.sqrt(x * x + y * y + z * z)
+    return x / length, y / length, z / length
+
+
 @kernel
 def cast_edges(
     tables: OpaqueTable,
@@ -138,26 +155,21 @@ def cast_edges(
         at_m = max(middle_m[n], 0.1) if math.isfinite(middle_m[n]) else limit_m
         level = RING_SIGMAS * SIGMA_PER_WIDTH * (widths[0] / at_m + widths[2])
         upward = RING_SIGMAS * SIGMA_PER_WIDTH * (widths[1] / at_m + widths[3])
-        missing = 1 if math.isnan(middle_m[n]) else 0
+        axes = (dx, dy, dz), (lx, ly, lz)
+        first = index[n] % (RING // 2)
+        both_m, missing = 0.0, 1 if math.isnan(middle_m[n]) else 0
+        for place in range(2):
+            x, y, z = _ring_ray(axes, level, upward, first + TURNS[place])
+            t, _, _ = first_hit(tables, ox, oy, oz, x, y, z, limit_m, thin_m)
+            both_m, missing = both_m + t, missing + (1 if math.isnan(t) else 0)
+        if not (abs(both_m - 2.0 * middle_m[n]) > EDGE_M or 0 < missing < 3):
+            continue
         for place in range(RING):
-            turn = index[n] % (RING // 2) + TURNS[place]
-            aside, up = level * COSINE[turn], upward * SINE[turn]
-            x = dx + aside * lx + up * (ly * dz - lz * dy)
-            y = dy + aside * ly + up * (lz * dx - lx * dz)
-            z = dz + aside * lz + up * (lx * dy - ly * dx)
-            length = math.sqrt(x * x + y * y + z * z)
-            x, y, z = x / length, y / length, z / length
+            x, y, z = _ring_ray(axes, level, upward, first + TURNS[place])
             t, what, which = first_hit(tables, ox, oy, oz, x, y, z, limit_m, thin_m)
             kind, cosine, hit = surface_hit(tables, what, which, t, ox, oy, oz, x, y, z)
             out_range[count, 1 + place], out_kind[count, 1 + place] = t, kind
             out_cosine[count, 1 + place], out_hit[count, 1 + place] = cosine, hit
-            if place < 2:
-                missing += 1 if math.isnan(t) else 0
-            if place == 1:
-                bent = abs(out_range[count, 1] + t - 2.0 * middle_m[n]) > EDGE_M
-                if not (bent or 0 < missing < 3):
-                    break
-        else:
-            out_at[count] = n
-            count += 1
+        out_at[count] = n
+        count += 1
     return count
