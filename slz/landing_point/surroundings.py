@@ -14,6 +14,7 @@ from slz.frame import is_known
 from slz.grid import Box
 from slz.kernels.raster.bitmap import packed
 from slz.landing_point.obstacles import SECTORS, Obstacle, grouped, horizon_at
+from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.terrain_maps import SAFE
 from slz.terrain.terrain_view import TerrainView
 
@@ -143,7 +144,11 @@ def horizon_towards(
     reach = math.ceil(parameters.surround_m / terrain.grid.cell_m)
     box = _ahead(terrain.around(cell_of(enu_m, terrain), reach), cell_of(enu_m, terrain), reach, *towards)
     half_m = parameters.footprint_m / 2
-    view = horizon_at(enu_m, _view(terrain, box), terrain.grid, box, half_m, parameters.surround_m, towards)
+    reach_m = half_m, parameters.surround_m
+    if isinstance(terrain, EvidenceTerrain) and way > 0:
+        view = np.degrees(terrain.horizon(enu_m, box, *reach_m, SECTORS, towards))
+    else:
+        view = horizon_at(enu_m, _view(terrain, box), terrain.grid, box, *reach_m, towards)
     sector = round(math.atan2(east, north) / (2 * math.pi / len(view)))
     ahead = view[[(sector + step) % len(view) for step in (-1, 0, 1)]]
     return float(np.nanmax(ahead)) if np.isfinite(ahead).any() else float("nan")

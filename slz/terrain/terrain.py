@@ -36,6 +36,7 @@ from slz.kernels.footprint.patch import rows_of_patch
 from slz.kernels.lines.wire_tops import raise_tops
 from slz.kernels.points.clutter import put_onto
 from slz.kernels.raster.bitmap import ALL, Bits
+from slz.kernels.raster.horizon import horizon_of_tiles
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 from slz.terrain.arrivals import Arrivals
 from slz.terrain.derive import CoveredCells, reach_of
@@ -393,6 +394,24 @@ class EvidenceTerrain(UnboundedTerrain):
         if len(self._footings) > MOST_FOOTINGS:
             del self._footings[next(iter(self._footings))]
         return before[1]
+
+    def horizon(
+        self,
+        enu_m: NDArray[np.float64],
+        box: Box,
+        near_m: float,
+        far_m: float,
+        sectors: int,
+        towards: tuple[float, float],
+    ) -> NDArray[np.float64]:
+        """Return (sectors,) elevation angles (rad) of the horizon in a direction, of the cells of a box."""
+        grid, there = self.grid, self._everywhere(box)
+        row = (enu_m[1] - grid.south_m) / grid.cell_m - 0.5 - box.row0
+        col = (enu_m[0] - grid.west_m) / grid.cell_m - 0.5 - box.col0
+        cells = there.row0, there.row1, there.col0, there.col1
+        place = row, col, float(enu_m[2]), grid.cell_m
+        view = *self._maps.view, self.tiles.datum_m
+        return horizon_of_tiles(*view, cells, *place, near_m, far_m, sectors, *towards)
 
     def surface_at(self, enu_m: NDArray[np.float64], around_m: float) -> SurfaceHere:
         """Return what the ground within a distance of a point (3,) is."""

@@ -19,6 +19,7 @@ from slz.kernels.cells.tile_boxes import (
     put_layers,
     set_bits,
 )
+from slz.kernels.cells.tile_directory import Directory
 from slz.kernels.footprint.derive_maps import add_altered, derive_tiles
 from slz.kernels.footprint.patch import COLS
 from slz.kernels.raster.bitmap import NONE, Bits
@@ -167,6 +168,11 @@ class TiledLayers:
         """
         table = self._store.table(box)
         return table, np.where(table < 0, NO_VERSION, self._versions[table]), self._pools
+
+    @property
+    def view(self) -> tuple[NDArray[np.float32], NDArray[np.uint8], Directory]:
+        """Layers and states by slot, and the directory of slots, for kernels that read."""
+        return self._pools.layers, self._pools.states, self._store.directory
 
     def keep(self, wanted: Callable[[Key], bool]) -> list[Key]:
         """Drop all tiles but those wanted; return the keys of those dropped."""
