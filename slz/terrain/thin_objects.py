@@ -22,17 +22,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.points.isolated_record import (
-    FATE,
-    FOUND,
-    GROUND,
-    ISOLATED_FIELDS,
-    LEVEL_GROUND,
-    SOLID_OBJECT,
-    UP,
-    WAS_FOUND,
-)
-from slz.kernels.points.isolated_returns import BINS, MOST, joined, judge, place
+from slz.kernels.points.isolated_record import FATE, ISOLATED_FIELDS, LEVEL_GROUND, UP
+from slz.kernels.points.isolated_returns import BINS, MOST, joined, judge, outcome, place
 from slz.kernels.points.voxel_density_filter import is_supported
 from slz.terrain.tiles import Tiles
 
@@ -102,9 +93,5 @@ class ThinObjects:
             kept[waiting[level], FATE] = LEVEL_GROUND
         high_shares = judge(kept, self._given_up, max(1, sum(self._rays)))
         self._high_share = float(high_shares.mean()) if len(high_shares) else 0.0
-        fate, found, was_found = kept[:, [FATE, FOUND, WAS_FOUND]].T
-        self.found_enu_m, self.altered_enu_m = points[found > 0], points[found != was_found]
-        surface: Points = np.concatenate(
-            [points[fate == which] for which in (GROUND, LEVEL_GROUND, SOLID_OBJECT)]
-        )
+        self.found_enu_m, self.altered_enu_m, surface = outcome(kept)
         return surface

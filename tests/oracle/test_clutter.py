@@ -16,10 +16,12 @@ from slz.kernels.points.isolated_record import (
     FATE,
     FOUND,
     GONE,
+    GROUND,
     HIGH,
     HIGH_M,
     ISOLATED_FIELDS,
     LEVEL,
+    LEVEL_GROUND,
     LONELY,
     LOW,
     MOST_OTHERS,
@@ -32,6 +34,7 @@ from slz.kernels.points.isolated_record import (
     STAYS,
     UP,
     UPRIGHT,
+    WAS_FOUND,
 )
 from slz.kernels.points.isolated_returns import (
     BIN_M,
@@ -49,6 +52,7 @@ from slz.kernels.points.isolated_returns import (
     SOLID,
     SURE,
     judge,
+    outcome,
 )
 from slz.kernels.points.nearest_others import (
     LEVEL_M,
@@ -174,6 +178,17 @@ def test_beyond_the_limit_clutter_goes_first_and_then_the_oldest_object(found: i
     assert kept[kept[:, FOUND] > 0, NUMBER].min() == found - stay
     clutter = kept[kept[:, FOUND] == 0, NUMBER]
     assert clutter.min(initial=n - len(clutter)) == n - len(clutter)
+
+
+def test_what_leaves_for_the_surface_is_sorted_by_why_and_what_altered_is_what_was_found_or_is() -> None:
+    records = np.random.default_rng(4).integers(0, 5, (300, ISOLATED_FIELDS)).astype(float)
+    records[:, FOUND], records[:, WAS_FOUND] = records[:, [FOUND, WAS_FOUND]].T > 2
+    found, altered, surface = outcome(records)
+    places, fate = records[:, : UP + 1], records[:, FATE]
+    np.testing.assert_array_equal(found, places[records[:, FOUND] == 1])
+    np.testing.assert_array_equal(altered, places[records[:, FOUND] != records[:, WAS_FOUND]])
+    fates = (GROUND, LEVEL_GROUND, SOLID_OBJECT)
+    np.testing.assert_array_equal(surface, np.concatenate([places[fate == which] for which in fates]))
 
 
 def test_ground_and_rays_are_those_of_the_cells_around() -> None:

@@ -252,3 +252,30 @@ def judge(records: Array2D[np.float64], given_up: Array2D[np.int64], rays: int) 
         if records[i, BAND] != NO_BAND and records[i, FATE] == GONE and records[i, LONELY]:
             given_up[0, _bin(records[i, OVER])] += 1
     return high_shares[:n_high].copy()
+
+
+@kernel
+def outcome(
+    records: Array2D[np.float64],
+) -> tuple[Array2D[np.float64], Array2D[np.float64], Array2D[np.float64]]:
+    """Return places (k, 3): objects, what became one or ceased to be one, and what belongs to the surface.
+
+    Of the surface those at the ground come first, then those that begin ground, then solid objects.
+    """
+    found, altered = np.empty((len(records), 3)), np.empty((len(records), 3))
+    n_found, n_altered, starts = 0, 0, np.zeros(SOLID_OBJECT + 2, np.int64)
+    for i in range(len(records)):
+        for axis in range(3):
+            found[n_found, axis] = altered[n_altered, axis] = records[i, axis]
+        n_found += records[i, FOUND] > 0.0
+        n_altered += records[i, FOUND] != records[i, WAS_FOUND]
+        if records[i, FATE] >= GROUND:
+            starts[int(records[i, FATE]) + 1] += 1
+    starts = np.cumsum(starts)
+    surface = np.empty((starts[-1], 3))
+    for i in range(len(records)):
+        if records[i, FATE] >= GROUND:
+            for axis in range(3):
+                surface[starts[int(records[i, FATE])], axis] = records[i, axis]
+            starts[int(records[i, FATE])] += 1
+    return found[:n_found], altered[:n_altered], surface
