@@ -12,6 +12,7 @@ import numpy as np
 from slz.kernels.argument_types import Array2D, Array3D
 from slz.kernels.jit import kernel_part
 from slz.kernels.surface.masks import connected_parts
+from slz.kernels.surface.ranks import ranked
 from slz.kernels.surface.shores import flood
 from slz.kernels.surface.specular_returns import FEWEST
 from slz.kernels.surface.surface_record import ASIDE, ASIDE_LIGHT, COUNT, MEAN
@@ -87,9 +88,9 @@ def _flood(
     for label in range(1, len(size)):
         n = size[label]
         if n * cell_m2 >= least_m2:
-            ranked = np.sort(heights[place[label] - n : place[label]])
-            if ranked[int(HIGH * n)] - ranked[int(LOW * n)] <= one_level_m:
-                raised[label] = ranked[int(SURFACE * n)]  # a bottom that shows here and there draws down
+            of = heights[place[label] - n : place[label]]
+            if ranked(of, int(HIGH * n)) - ranked(of, int(LOW * n)) <= one_level_m:
+                raised[label] = ranked(of, int(SURFACE * n))  # a bottom that shows here and there draws down
     if np.isnan(raised).all():
         return False
     may, over = np.empty(labels.shape, np.bool_), level.copy()

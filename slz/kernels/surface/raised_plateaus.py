@@ -13,6 +13,7 @@ from slz.kernels.surface.masks import SIDES, bounding_boxes, with_holes
 from slz.kernels.surface.penetration import spread_m
 from slz.kernels.surface.piecewise_linear import ramp
 from slz.kernels.surface.plateaus import connect
+from slz.kernels.surface.ranks import median
 from slz.kernels.surface.surface_record import COUNT, MEAN, SQUARES
 
 STEP_M = 0.35  # between neighbouring cells of a plateau, for cells of a metre
@@ -50,10 +51,12 @@ def raised_plateaus(
     for label in range(1, n):
         share = down[label] / max(known[label], 1)
         if known[label] >= FEWEST_EDGES and share > LEAST_SHARE:
-            raised[label] = np.median(drops[label, : min(down[label], MOST_DROPS)])
+            raised[label] = median(drops[label, : min(down[label], MOST_DROPS)])
             score[label] = SCORE_PRIOR + SCORE_DROPS * ramp(share, LEAST_SHARE, SHARES)
-    own = labels.ravel()
-    return score[own].reshape(labels.shape), raised[own].reshape(labels.shape)
+    log_odds, raised_m = np.empty_like(height), np.empty_like(height)
+    for k in range(labels.size):
+        log_odds.flat[k], raised_m.flat[k] = score[labels.flat[k]], raised[labels.flat[k]]
+    return log_odds, raised_m
 
 
 @kernel_part

@@ -9,6 +9,7 @@ import numpy as np
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, Float32
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
 from slz.kernels.jit import kernel, kernel_part
+from slz.kernels.surface.ranks import median
 from slz.kernels.surface.surface_record import (
     COUNT,
     KIND,
@@ -265,7 +266,8 @@ def read_refused(
         any_refused |= bool(slot >= 0 and tiles[slot, N_REFUSED] > 0)
     for r in range(rows if any_refused else 0):
         if r > 0 and at_row[r] == at_row[r - 1]:
-            out[r] = out[r - 1]
+            for c in range(cols):
+                out[r, c] = out[r - 1, c]
             continue
         i, tile_row = at_row[r] & (TILE - 1), (at_row[r] >> TILE_BITS) - (row >> TILE_BITS)
         for c in range(cols):
@@ -299,5 +301,4 @@ def median_height(
                 n += 1
         if n > 0:
             break
-    parted = np.partition(heights[:n], n // 2)
-    return float(parted[n // 2] if n % 2 else (parted[: n // 2].max() + parted[n // 2]) / 2)
+    return float(median(heights[:n]))
