@@ -22,6 +22,7 @@ from slz.report import MapReport, Report
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 from slz.terrain.changes import Drawn, read_changes
 from slz.terrain.layers import Output, reaching
+from slz.terrain.terrain import EvidenceTerrain, Tally
 from slz.terrain.terrain_maps import UNKNOWN, TerrainMaps
 from slz.window import Window
 
@@ -135,6 +136,12 @@ class Pipeline:
                 raise ValueError(f"{name} cannot change while a pipeline runs: make a new pipeline")
         self._parameters = parameters
         self.method.use(parameters)
+
+    @property
+    def tally(self) -> Tally | None:
+        """Numbers of near cells that the last window hit, derived and changed; None in source mode."""
+        near = self._map(far=False)
+        return near.terrain.tally if near is not None and isinstance(near.terrain, EvidenceTerrain) else None
 
     def prepare(self) -> None:
         """Prefault memory for the next window; optional, for idle time.

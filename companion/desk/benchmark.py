@@ -7,7 +7,7 @@ import resource
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ import params
 from companion.runtime.allocator import keep_memory
 from companion.runtime.errors import UsageError
 from slz import LocalFrame, Pipeline, Report, Window
+from slz.terrain.terrain import Tally
 from slz.warm_up import warm_up
 
 FIELDS = 4  # t (s), x, y, z (m), little-endian float64
@@ -71,7 +72,7 @@ def run(case: Case) -> dict[str, Any]:
     records = _records(case.points)
     warm_up(parameters)
     pipeline = Pipeline(parameters, (0.0, 0.0), follow=False)
-    wall_ms, cpu_ms, between_ms, stages, n_points = [], [], [], [], 0
+    wall_ms, cpu_ms, between_ms, stages, tallies, n_points = [], [], [], [], [], 0
     report: Report | None = None
     gc.collect()
     gc.freeze()
@@ -81,6 +82,7 @@ def run(case: Case) -> dict[str, Any]:
         wall_ms.append((time.perf_counter() - start) * 1e3)
         cpu_ms.append((time.thread_time() - cpu) * 1e3)
         stages.append(report.stage_ms)
+        tallies.append(pipeline.tally)
         n_points += len(window)
         cpu = time.thread_time()
         pipeline.prepare()
@@ -96,10 +98,20 @@ def run(case: Case) -> dict[str, Any]:
         "between_ms": _spread(between_ms),
         "window_ms": [round(ms, 4) for ms in wall_ms],
         "stage_ms": {name: round(float(np.median([s[name] for s in stages])), 4) for name in stages[0]},
+        **_cells(tallies),
         "points_per_s": round(n_points / (sum(wall_ms) * 1e-3)),
         "zones": _zones(report),
         "rss_mb": round(_rss_mb(), 1),
     }
+
+
+def _cells(tallies: list[Tally | None]) -> dict[str, dict[str, int]]:
+    """Return the medians of the cells hit, derived and changed a window; nothing in source mode."""
+    told = [tally for tally in tallies if tally is not None]
+    if not told:
+        return {}
+    names = [field.name for field in fields(Tally)]
+    return {"cells": {name: int(np.median([getattr(tally, name) for tally in told])) for name in names}}
 
 
 def _records(path: Path) -> NDArray[np.float64]:

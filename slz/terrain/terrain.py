@@ -85,6 +85,19 @@ class Changes:
     altered: Boxes = field(default_factory=no_boxes)
 
 
+@dataclass(frozen=True, slots=True)
+class Tally:
+    """Numbers of cells of the last window: hit by returns, derived, and with another state than before."""
+
+    hit: int = 0
+    derived: int = 0
+    changed: int = 0
+
+    def plus(self, hit: int = 0, derived: int = 0, changed: int = 0) -> Tally:
+        """Return the numbers with more cells."""
+        return Tally(self.hit + hit, self.derived + derived, self.changed + changed)
+
+
 class EvidenceTerrain(UnboundedTerrain):
     """A window of the evidence, and the maps derived from it at one level of the pyramid.
 
@@ -121,7 +134,7 @@ class EvidenceTerrain(UnboundedTerrain):
         self.changed_tiles: set[Key] = set()
         self._seen = Box(0, 0, 0, 0)
         self._aged_s = 0.0
-        self.n_derived = 0
+        self._tally = Tally()
         self._n_tiles, self._new = 0, [0]
         self._thin = ThinObjects()
         self.surface: Surface | None = None
@@ -155,6 +168,11 @@ class EvidenceTerrain(UnboundedTerrain):
         )
         return Box(0, 0, 0, 0) if box.empty else box
 
+    @property
+    def tally(self) -> Tally:
+        """Numbers of cells of the last window."""
+        return self._tally
+
     # ---- evidence in ----------------------------------------------------------------------------
 
     def add(
@@ -175,6 +193,7 @@ class EvidenceTerrain(UnboundedTerrain):
         north) the surface refuses other cells than before.
         """
         now_s = self.tiles.now_s(stamp_s)
+        self._tally = Tally()
         change = self._accumulate(points_enu_m, sensor_enu_m)
         points: list[NDArray[np.float64]] = []
         if isolated_enu_m is not None:
@@ -214,6 +233,8 @@ class EvidenceTerrain(UnboundedTerrain):
             self.pinned,
             p.max_age_s,
         )
+        n_hit = sum(int(np.bitwise_count(words).sum()) for _, words in change.hits)
+        self._tally = self._tally.plus(hit=n_hit)
         if len(change.boxes):
             row0, _, col0, _ = change.boxes.min(axis=0).tolist()
             _, row1, _, col1 = change.boxes.max(axis=0).tolist()
@@ -314,9 +335,9 @@ class EvidenceTerrain(UnboundedTerrain):
             )
             refused = self.surface.refused(west_m, south_m, cell_m, rows, cols)
         seen = CoveredCells.of(cells, self._reach, self.grid.cell_m, self._parameters, refused)
-        keys, n = self._maps.derive(box, seen, self._changed(around, changes))
+        keys, n, n_changed = self._maps.derive(box, seen, self._changed(around, changes))
         self.changed_tiles.update(keys)
-        self.n_derived += n
+        self._tally = self._tally.plus(derived=n, changed=n_changed)
 
     def _changed(self, around: Box, changes: Changes) -> Bits:
         """Return the cells of a box whose statistics may have changed.

@@ -88,7 +88,7 @@ class TiledLayers:
         put_layers(self._pools.layers, table, box.row0, box.col0, np.ascontiguousarray(layers))
         put_layers(self._pools.states, table, box.row0, box.col0, np.ascontiguousarray(states))
 
-    def derive(self, box: Box, seen: CoveredCells, changed: Bits) -> tuple[list[Key], int]:
+    def derive(self, box: Box, seen: CoveredCells, changed: Bits) -> tuple[list[Key], int, int]:
         """Derive the layers and states of those cells of a box that may change, and write them.
 
         Parameters
@@ -102,7 +102,7 @@ class TiledLayers:
 
         Returns
         -------
-        Keys of the tiles with derived cells, and the number of these cells.
+        Keys of the tiles with derived cells, the number of these, and of those whose state changed.
         """
         edge, near = seen.edge, seen.nearest_unrelated
         around = Box(box.row0 - edge, box.row1 + edge, box.col0 - edge, box.col1 + edge)
@@ -111,7 +111,7 @@ class TiledLayers:
         add_altered(seen.unseen, self._bits(box, CLEAR), edge, True, dirty)
         keys = [key for key in keys_over(box) if any_in_box(dirty, *_there(key, box, edge))]
         table, pools = self._opened(keys, box), self._pools
-        n = derive_tiles(
+        n, n_changed = derive_tiles(
             seen.cells, seen.covered, seen.unseen, edge, seen.radius, seen.limits, seen.gear.contacts_m,
             seen.gear.limits, pools.layers, pools.states, pools.levels, table, box.row0, box.col0, dirty,
         )  # fmt: skip
@@ -120,7 +120,7 @@ class TiledLayers:
         put_bits(pools.bits, KNOWN, *place, seen.known, edge + near, cols - 2 * near)
         for which, bits in ((COVERED, seen.covered), (CLEAR, ~seen.unseen)):
             put_bits(pools.bits, which, table, box.row0, box.col0, bits, edge, cols)
-        return keys, n
+        return keys, n, n_changed
 
     def _bits(self, box: Box, which: int) -> Bits:
         """Return a bitmap of a box as it was when it was derived last."""

@@ -57,8 +57,10 @@ def derive_box(
     place: int,
     dirty: Bits,
     levels: Strided2D[np.float32],
-) -> int:
-    """Derive the maps and states of a box of cells, see `slz.terrain.derive.derive`; return how many.
+) -> tuple[int, int]:
+    """Derive the maps and states of a box of cells, see `slz.terrain.derive.derive`.
+
+    Return how many were derived, and of how many the state changed.
 
     Parameters
     ----------
@@ -98,7 +100,7 @@ def derive_box(
     rise, scratch = held[RISE * tall * wide : INVERSE * tall * wide], scratch_for(contacts)
     statistics, plane = aligned_empty(high * PLANE_STATISTICS * LANES), aligned_empty(high * PLANE * LANES)
     some, own, found = np.empty(high, np.uint64), np.empty(high, np.uint64), aligned_empty(MOST_SAMPLED)
-    todo, now, n = np.empty(high, np.uint64), np.empty(high, np.uint64), 0
+    todo, now, n, changed = np.empty(high, np.uint64), np.empty(high, np.uint64), 0, 0
     before = np.empty(LANES, np.float32), np.empty(LANES, np.uint8)
     for i in range(2 * k + 1):
         away[i] = i - k
@@ -143,12 +145,11 @@ def derive_box(
                     at = (edge + r + j) * cols + edge + c + g
                     store(maps, A_HEIGHT * layer + to + here, load(flat, HEIGHT * rows * cols + at))
                     store(maps, A_TOP * layer + to + here, load(flat, TOP * rows * cols + at))
+                    for i in range(LANES):
+                        before[0][i] = maps[A_CERTAINTY * layer + to + here + i]
+                        before[1][i] = states[place + here + i]
                     if fits:
                         hidden = word_at(unseen, edge + r + j, edge + c + g) & LOW16
-                        if now[j] != LOW16:
-                            for i in range(LANES):
-                                before[0][i] = maps[A_CERTAINTY * layer + to + here + i]
-                                before[1][i] = states[place + here + i]
                         doubtful = classify(
                             statistics, j * PLANE_STATISTICS * LANES, hidden, slope_limit, relief_limit,
                             quarters, maps, to + here, layer, states, place + here,
@@ -174,7 +175,9 @@ def derive_box(
                             )  # fmt: skip
                     else:
                         leave_unknown(maps, to + here, layer, states, place + here)
-    return n
+                    for i in range(LANES):
+                        changed += states[place + here + i] != before[1][i]
+    return n, changed
 
 
 @kernel
@@ -194,10 +197,10 @@ def derive_tiles(
     row0: int,
     col0: int,
     dirty: Bits,
-) -> int:
+) -> tuple[int, int]:
     """Derive the maps of all cells but a margin, and write them to those of their tiles that are held.
 
-    Return how many were derived.
+    Return how many were derived, and of how many the state changed.
 
     Parameters
     ----------
@@ -209,7 +212,8 @@ def derive_tiles(
     dirty
         Cells that may change, with a margin as the others have.
     """
-    n, rows, cols, high = 0, cells.shape[1] - 2 * edge, cells.shape[2] - 2 * edge, rows_of_patch(radius)
+    n, changed, high = 0, 0, rows_of_patch(radius)
+    rows, cols = cells.shape[1] - 2 * edge, cells.shape[2] - 2 * edge
     inverse, maps, flat_states, size = inverses(cells), pool.ravel(), states.ravel(), TILE * TILE
     for tr in range(table.shape[0]):
         south = (((row0 >> TILE_BITS) + tr) << TILE_BITS) - row0
@@ -219,12 +223,13 @@ def derive_tiles(
                 continue
             box = max(0, south), min(rows, south + TILE), max(0, west), min(cols, west + TILE)
             at = (box[0] - south) * TILE + box[2] - west
-            n += derive_box(
+            derived = derive_box(
                 cells, inverse, covered, unseen, edge, radius, limits, contacts, gear, box,
                 maps, slot * pool.shape[1] * size + at, size, TILE, flat_states, slot * size + at, dirty,
                 levels[slot][(box[0] - south) // high :, (box[2] - west) // COLS :],
             )  # fmt: skip
-    return n
+            n, changed = n + derived[0], changed + derived[1]
+    return n, changed
 
 
 @kernel

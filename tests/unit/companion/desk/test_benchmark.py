@@ -57,6 +57,7 @@ def test_times_zones_and_windows_are_told(
     assert 0 < summary["ms"]["median"] <= summary["ms"]["p99"] <= summary["ms"]["max"]
     assert summary["points_per_s"] > 0
     assert summary["stage_ms"]
+    assert "cells" not in summary
     ids = [zone["id"] for zone in summary["zones"]]
     assert ids == sorted(ids)
     assert len(ids) == 2  # below and above the step
@@ -99,3 +100,13 @@ def test_the_rules_of_the_source_are_set_in_its_mode_only(tmp_path: Path) -> Non
     assert default.safe_slope_deg == Parameters().safe_slope_deg
     with pytest.raises(UsageError, match="--mode 'ours': use source or default"):
         Case(tmp_path, 1.0, 60.0, 5.0, 20, "ours").parameters()
+
+
+def test_default_mode_counts_the_cells_that_were_hit_derived_and_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    points = flight(tmp_path / "points.bin")
+    assert said(monkeypatch, "--points", str(points), *ARGUMENTS[:-1], "default", "--json") == 0
+    cells = json.loads(capsys.readouterr().out)["cells"]
+    assert 0 < cells["hit"] <= 40 * 40 + 8 < cells["derived"] <= 4 * 60 * 60
+    assert 0 <= cells["changed"] < cells["derived"]
