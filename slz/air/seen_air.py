@@ -46,6 +46,7 @@ class SeenAir:
         origin: NDArray[np.uint16],
         origins_enu_m: NDArray[np.float64],
         datum_m: float,
+        rows: NDArray[np.int64] | None = None,
     ) -> None:
         """Follow the rays of a window's returns.
 
@@ -56,12 +57,16 @@ class SeenAir:
         origin, origins_enu_m
             (n,) the scan of each return, and (k, 3) the sensor's position in each scan, in the map frame; not
             finite where it is unknown.
+        rows
+            (m,) returns to use; None for all.
         """
         self._datum_m = datum_m
-        stride = max(1, math.ceil(len(points_m) / MOST_RAYS))
+        rows = np.arange(len(points_m)) if rows is None else rows
+        stride = max(1, math.ceil(len(rows) / MOST_RAYS))
         first, self._windows = self._windows % stride, self._windows + 1
         origins = np.ascontiguousarray(origins_enu_m - (0.0, 0.0, datum_m))
-        follow_rays(points_m, origin, origins, first, stride, self.voxel_m, self._passed, self._column)
+        rays = points_m, rows, origin, origins, first, stride
+        follow_rays(*rays, self.voxel_m, self._passed, self._column)
 
     def rays_through(self, points_m: NDArray[np.float64]) -> NDArray[np.uint8]:
         """Return (n,) the rays that passed the voxels of points (n, 3) in stored heights, up to 255."""

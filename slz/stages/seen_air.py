@@ -18,5 +18,4 @@ class SeenAirStage:
         origin, origins = returns.window.origin, returns.window.origins_enu_m
         if origin is None or origins is None:
             return
-        rows = returns.rows(Flag.KEPT)
-        ground.air.add(returns.places_m[rows], origin[rows], origins, ground.datum_m)
+        ground.air.add(returns.places_m, origin, origins, ground.datum_m, returns.rows(Flag.KEPT))

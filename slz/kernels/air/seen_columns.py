@@ -21,6 +21,7 @@ SHORT_M = 0.05  # a ray is followed up to this far before its return
 @kernel
 def follow_rays(
     points: Array2D[np.float64],
+    rows: Array1D[np.int64],
     origin: ReadOnly1D[np.uint16],
     origins: ReadOnly2D[np.float64],
     first: int,
@@ -29,12 +30,12 @@ def follow_rays(
     passed: Array3D[np.uint8],
     column: Array3D[np.int32],
 ) -> None:
-    """Count in each voxel the rays that passed it, each of every `stride`-th return for all of them.
+    """Count in each voxel the rays that passed it, each of every `stride`-th row for all of them.
 
     Parameters
     ----------
-    points, origin, origins
-        (n, 3) returns, (n,) the scan of each, and (k, 3) the sensor's position in each scan.
+    points, rows, origin, origins
+        (n, 3) returns, (m,) those used, (n,) the scan of each, and (k, 3) the sensor's position in each scan.
     voxel
         Edge of a voxel (m).
     passed, column
@@ -42,7 +43,10 @@ def follow_rays(
         is farther than others of the same place is forgotten.
     """
     weight, mask = min(stride, MOST_COUNT), SIDE - 1
-    for i in range(first, len(points), stride):
+    away = np.arange(SIDE / STEP + 3) * STEP * voxel
+    share, at, last = np.empty(len(away)), np.empty((3, len(away)), np.int32), np.empty(len(away), np.int32)
+    for j in range(first, len(rows), stride):
+        i = rows[j]
         o = origins[origin[i]]
         x, y, z = points[i, 0] - o[0], points[i, 1] - o[1], points[i, 2] - o[2]
         length = np.sqrt(x * x + y * y + z * z)
@@ -51,15 +55,19 @@ def follow_rays(
         steps = int(min(length, SIDE * voxel) / (STEP * voxel)) + 1
         ground = int(np.floor(points[i, 2] / voxel))
         own_row, own_col = int(np.floor(o[1] / voxel)), int(np.floor(o[0] / voxel))
-        before_r = before_c = before_l = int(NOWHERE)
-        for k in range(steps + 1):
-            share = min(k * STEP * voxel, length - SHORT_M) / length
-            r = int(np.floor((o[1] + y * share) / voxel))
-            c = int(np.floor((o[0] + x * share) / voxel))
-            level = int(np.floor((o[2] + z * share) / voxel))
-            if r == before_r and c == before_c and level == before_l:
-                continue
-            before_r, before_c, before_l = r, c, level
+        end = length - SHORT_M
+        for k in range(steps + 1):  # vectorised, as the next
+            share[k] = (away[k] if away[k] < end else end) / length
+        for axis, (start, way) in enumerate(((o[1], y), (o[0], x), (o[2], z))):
+            for k in range(steps + 1):
+                at[axis, k] = np.int32(np.floor((start + way * share[k]) / voxel))
+        n = 0  # of the voxels; no branch, as neither is likelier
+        for k in range(steps):
+            last[n] = k
+            n += (at[0, k] != at[0, k + 1]) | (at[1, k] != at[1, k + 1]) | (at[2, k] != at[2, k + 1])
+        last[n] = steps
+        for k in last[: n + 1]:
+            r, c, level = at[0, k], at[1, k], at[2, k]
             if abs(r - own_row) >= SIDE // 2 or abs(c - own_col) >= SIDE // 2:
                 break
             a, b = r & mask, c & mask

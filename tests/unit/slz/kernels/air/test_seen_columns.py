@@ -30,8 +30,8 @@ class Air:
     def follow(
         self, points: NDArray[np.float64], sensor: tuple[float, float, float], stride: int = 1
     ) -> None:
-        origin = np.zeros(len(points), np.uint16)
-        follow_rays(points, origin, np.array([sensor]), 0, stride, VOXEL_M, self.passed, self.column)
+        rows, origin = np.arange(len(points)), np.zeros(len(points), np.uint16)
+        follow_rays(points, rows, origin, np.array([sensor]), 0, stride, VOXEL_M, self.passed, self.column)
 
     def count(self, row: int, col: int, level: int) -> int:
         a, b = row % SIDE, col % SIDE
@@ -57,6 +57,32 @@ def test_a_ray_is_counted_once_in_the_voxels_it_passes_and_in_no_other(seed: int
     assert air.passed.max() == 1
     assert counted <= crossed
     assert len(counted) > 0.6 * len(crossed)  # corners are cut
+
+
+@pytest.mark.parametrize("voxel_m", [1.0, 1.7])
+def test_the_voxels_passed_are_those_of_points_half_a_voxel_apart(voxel_m: float) -> None:
+    """Five rays in six have an origin; every second row is followed."""
+    rng, air, expected = np.random.default_rng(1), Air(), dict[tuple[int, ...], int]()
+    points, origin = rng.uniform(-90, 90, (80, 3)), rng.integers(0, 6, 80).astype(np.uint16)
+    points *= (1.0, 1.0, 0.1)
+    points[:9, :2] *= 9  # farther than air is remembered
+    origins = np.vstack([rng.uniform(-8, 8, (5, 3)), np.full(3, np.nan)])
+    rows = rng.permutation(80)[:60]
+    follow_rays(points, rows, origin, origins, 1, 2, voxel_m, air.passed, air.column)
+    for i in rows[1::2][origin[rows[1::2]] < 5]:
+        here, length = origins[origin[i]], float(np.linalg.norm(points[i] - origins[origin[i]]))
+        shares = np.arange(0.0, min(length, SIDE * voxel_m) + voxel_m / 2, voxel_m / 2).clip(
+            max=length - 0.05
+        )
+        path = np.floor((here + (points[i] - here) * shares[:, np.newaxis] / length) / voxel_m)
+        own = np.floor(here / voxel_m)
+        for c, r, level in np.unique(
+            path[np.abs(path - own)[:, :2].max(axis=1) < SIDE // 2], axis=0
+        ).tolist():
+            expected[r, c, level] = expected.get((r, c, level), 0) + 2
+    counted = {place: n for place in expected if (n := air.count(*map(int, place)))}
+    assert len(counted) > 0.8 * len(expected)
+    assert all(expected[place] == n for place, n in counted.items())
 
 
 def test_nothing_is_counted_beyond_a_return() -> None:
