@@ -14,8 +14,8 @@ SHARE = 10  # one return in so many of its column, up to `OBJECT_RETURNS`, is a 
 TALL = 20  # layers of a column above and below
 DENSE_PER_POINT = 16  # voxel columns, or their layers, per point, above which a dense table is too large
 NO_LAYER = np.int32(2**31 - 1)
-
-Longs = Array1D[np.int64]
+FIRST, LOWEST, ABOVE = range(3)  # of a column
+CHUNK = 192  # coordinates worked on together, a multiple of three
 
 
 @kernel_part
@@ -96,46 +96,44 @@ def _by_table(
 
 
 @kernel_part
-def _column_spans(at: Array2D[np.int32], columns: int, deep: int) -> tuple[Longs, Array2D[np.int32]]:
-    """Return (columns + 1,) the start of each column's layers, and (columns, 2) its lowest and highest layer.
+def _columns_of(at: Array2D[np.int32], columns: int, deep: int) -> tuple[Array2D[np.int32], int]:
+    """Return (columns, 3) what a column holds, and the number of all layers held.
 
-    Column (x, y) has the number deep * x + y. A column holds all layers between these two, an empty one none.
+    Column (x, y) has the number deep * x + y. It holds all layers between its lowest and highest, an empty
+    one none: where its layers are, less the lowest; the lowest; and the one above the highest.
     """
-    ends = np.empty((columns, 2), np.int32)
-    ends[:, 0], ends[:, 1] = NO_LAYER, -1
+    out, total = np.empty((columns, 3), np.int32), 0
+    for k in range(columns):
+        out[k, LOWEST], out[k, ABOVE] = NO_LAYER, 0
     for i in range(len(at)):
         k, z = deep * at[i, 0] + at[i, 1], at[i, 2]
-        ends[k, 0], ends[k, 1] = min(ends[k, 0], z), max(ends[k, 1], z)
-    starts = np.empty(columns + 1, np.int64)
-    total = 0
+        out[k, LOWEST], out[k, ABOVE] = min(out[k, LOWEST], z), max(out[k, ABOVE], z + 1)
     for k in range(columns):
-        starts[k] = total
-        total += max(0, ends[k, 1] - ends[k, 0] + 1)
-    starts[columns] = total
-    return starts, ends
+        out[k, LOWEST] = min(out[k, LOWEST], out[k, ABOVE])
+        out[k, FIRST] = total - out[k, LOWEST]
+        total += out[k, ABOVE] - out[k, LOWEST]
+    return out, total
+
+
+@kernel_part
+def _count_in_column(held: Array2D[np.int32], below: Array1D[np.int32], k: int, low: int, above: int) -> int:
+    """Return the number of points in layers of a column, from `low` to below `above`; without a branch."""
+    first, lowest, end = held[k, FIRST], held[k, LOWEST], held[k, ABOVE]
+    return int(below[first + min(max(above, lowest), end)] - below[first + min(max(low, lowest), end)])
 
 
 @kernel_part
 def _count_in_columns(
-    starts: Longs,
-    ends: Array2D[np.int32],
-    below: Array1D[np.int32],
-    column: int,
-    deep: int,
-    low: int,
-    high: int,
-    enough: int,
+    held: Array2D[np.int32], below: Array1D[np.int32], k: int, deep: int, low: int, above: int, enough: int
 ) -> int:
-    """Return the number of points in layers low to high of 3 x 3 columns; counting stops at `enough`."""
-    total = 0
-    for middle in (column, column - deep, column + deep):
-        for k in (middle, middle - 1, middle + 1):
-            bottom, top = max(low, ends[k, 0]), min(high, ends[k, 1])
-            if bottom <= top:
-                first = starts[k] - ends[k, 0]
-                total += int(below[first + top + 1] - below[first + bottom])
-                if total >= enough:
-                    return total
+    """Return the number of points in layers of 3 x 3 columns; no more are counted from `enough` on."""
+    total = _count_in_column(held, below, k, low, above)
+    total += _count_in_column(held, below, k - 1, low, above)
+    total += _count_in_column(held, below, k + 1, low, above)
+    if total < enough:
+        for beside in (k - deep, k + deep):
+            for one in range(beside - 1, beside + 2):
+                total += _count_in_column(held, below, one, low, above)
     return total
 
 
@@ -147,30 +145,29 @@ def _by_columns(
     least: int,
     object_m2: float,
     deep: int,
-    starts: Longs,
-    ends: Array2D[np.int32],
+    held: Array2D[np.int32],
+    layers: int,
 ) -> Strided1D[np.bool_]:
     """Compute `is_supported` with all layers of each column stored contiguously."""
     n = len(points)
     keep, own = np.ones(n, np.bool_), np.empty(n, np.int32)
-    counts, below = np.zeros(starts[-1], np.int32), np.zeros(starts[-1] + 1, np.int32)
+    counts, below = np.zeros(layers, np.int32), np.zeros(layers + 1, np.int32)
     for i in range(n):
-        column = deep * at[i, 0] + at[i, 1]
-        own[i] = starts[column] - ends[column, 0] + at[i, 2]
+        own[i] = held[deep * at[i, 0] + at[i, 1], FIRST] + at[i, 2]
         counts[own[i]] += 1
-    for v in range(len(counts)):
+    for v in range(layers):
         below[v + 1] = below[v] + counts[v]
     share = object_m2 * n / (4 * np.pi)
     for i in range(n):
         need = _support_needed(points[i], sensor, share, least)
-        if counts[own[i]] >= max(need, OBJECT_RETURNS):
+        most = max(need, OBJECT_RETURNS)
+        if counts[own[i]] >= most:
             continue
         column, z = deep * at[i, 0] + at[i, 1], int(at[i, 2])
-        most = max(need, OBJECT_RETURNS)
-        level = _count_in_columns(starts, ends, below, column, deep, z - FINE, z + FINE, most)
+        level = _count_in_columns(held, below, column, deep, z - FINE, z + FINE + 1, most)
         if need <= level < OBJECT_RETURNS:
             enough = SHARE * OBJECT_RETURNS
-            whole = _count_in_columns(starts, ends, below, column, deep, z - TALL, z + TALL, enough)
+            whole = _count_in_columns(held, below, column, deep, z - TALL, z + TALL + 1, enough)
             need = max(need, min(OBJECT_RETURNS, whole // SHARE))
         keep[i] = level >= need
     return keep
@@ -180,23 +177,33 @@ def _by_columns(
 def _voxels_of(points: ReadOnly2D[np.float64], voxel: float) -> tuple[Array2D[np.int32], int, int]:
     """Return (n, 3) the voxel of each point, indices from `EDGE` on, and the greatest x and y index.
 
-    The voxel lattice is fixed to the map, not to the points.
+    The voxel lattice is fixed to the map, not to the points. Coordinates are worked on as they are stored,
+    `CHUNK` at a time, whose axes repeat: vectorised.
     """
-    high = voxel / 4
-    west = south = bottom = np.inf
-    for i in range(len(points)):
-        west, south = min(west, points[i, 0]), min(south, points[i, 1])
-        bottom = min(bottom, points[i, 2])
-    west, south = voxel * np.floor(west / voxel), voxel * np.floor(south / voxel)
-    bottom = high * np.floor(bottom / high)
-    at = np.empty((len(points), 3), np.int32)
-    most_x, most_y = 0, 0
-    for i in range(len(points)):
-        x = int((points[i, 0] - west) / voxel) + EDGE
-        y = int((points[i, 1] - south) / voxel) + EDGE
-        at[i, 0], at[i, 1], at[i, 2] = x, y, int((points[i, 2] - bottom) / high) + EDGE
-        most_x, most_y = max(most_x, x), max(most_y, y)
-    return at, most_x, most_y
+    flat, at = points.ravel(), np.empty((len(points), 3), np.int32)
+    into, low, most, size = at.ravel(), np.empty(CHUNK), np.empty(CHUNK), np.empty(CHUNK)
+    for k in range(CHUNK):
+        low[k] = most[k] = flat[k % 3]
+        size[k] = voxel / 4 if k % 3 == 2 else voxel
+    whole = len(flat) // CHUNK * CHUNK
+    for start in range(0, whole, CHUNK):
+        first = np.uint64(start)
+        for k in range(np.uint64(CHUNK)):
+            value = flat[first + k]
+            low[k] = value if value < low[k] else low[k]
+            most[k] = value if value > most[k] else most[k]
+    for i in range(whole, len(flat)):
+        low[i % 3], most[i % 3] = min(low[i % 3], flat[i]), max(most[i % 3], flat[i])
+    for axis in range(3):
+        low[axis::3] = size[axis] * np.floor(low[axis::3].min() / size[axis])
+    for start in range(0, whole, CHUNK):
+        first = np.uint64(start)
+        for k in range(np.uint64(CHUNK)):
+            into[first + k] = np.int32((flat[first + k] - low[k]) / size[k]) + np.int32(EDGE)
+    for i in range(whole, len(flat)):
+        into[i] = np.int32((flat[i] - low[i % 3]) / size[i % 3]) + np.int32(EDGE)
+    x, y = int((most[::3].max() - low[0]) / voxel), int((most[1::3].max() - low[1]) / voxel)
+    return at, x + EDGE, y + EDGE
 
 
 @kernel
@@ -213,7 +220,7 @@ def is_supported(
     at, most_x, most_y = _voxels_of(points, voxel)
     columns, deep = (most_x + 2) * (most_y + 2), most_y + 2
     if columns <= DENSE_PER_POINT * n + 10_000:
-        starts, ends = _column_spans(at, columns, deep)
-        if starts[columns] <= DENSE_PER_POINT * n + 10_000:
-            return _by_columns(points, at, sensor, least, object_m2, deep, starts, ends)
+        held, layers = _columns_of(at, columns, deep)
+        if layers <= DENSE_PER_POINT * n + 10_000:
+            return _by_columns(points, at, sensor, least, object_m2, deep, held, layers)
     return _by_table(points, at, sensor, least, object_m2)
