@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from slz.ground import Ground
 from slz.lanes import MAIN
 from slz.returns import Flag, Returns
@@ -19,8 +17,6 @@ class Raised:
         """Set RAISED."""
         if not returns.has_place:
             return
-        rows = returns.rows(Flag.KEPT, Flag.SPARSE)
-        terrain = ground.near.terrain
+        terrain, asked = ground.near.terrain, (Flag.KEPT.value, Flag.SPARSE.value, Flag.RAISED.value)
         limits = returns.sensor_m, terrain.noise, ground.parameters.relief_m
-        higher = terrain.tiles.contradicted_by(returns.places_m[rows], *limits)
-        returns.flags[rows[higher]] |= np.uint16(Flag.RAISED)
+        terrain.tiles.mark_above(returns.places_m, returns.flags, asked, *limits)

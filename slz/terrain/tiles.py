@@ -18,6 +18,7 @@ from slz.kernels.cells.accumulate import (
     copy_evidence,
     count_by_tile,
     differences,
+    mark_above,
     sorted_by_tile,
 )
 from slz.kernels.cells.cell_record import COUNT, FIELDS, TILE, TIME
@@ -261,6 +262,19 @@ class Tiles:
         """Return which points are higher over known ground than noise and `least_m` explain."""
         limits, held = (least_m, noise.angle_rad), (self._pool, self._store.directory)
         return contradicts(points_enu_m, sensor_enu_m, *limits, *self._place, *held)
+
+    def mark_above(
+        self,
+        points_enu_m: NDArray[np.float64],
+        flags: NDArray[np.uint16],
+        asked: tuple[int, int, int],
+        sensor_enu_m: NDArray[np.float64],
+        noise: Noise,
+        least_m: float,
+    ) -> None:
+        """Set a flag of such points; asked: all flags of theirs, none of theirs, and the flag to set."""
+        limits, held = (least_m, noise.angle_rad), (self._pool, self._store.directory)
+        mark_above(points_enu_m, flags, *asked, sensor_enu_m, *limits, *self._place, *held)
 
     def ground_and_rays(self, points_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return (n, 2) of `slz.kernels.points.clutter.ground_and_rays`."""

@@ -362,6 +362,78 @@ def mean_height(now: Strided1D[np.float32], before: Strided1D[np.float32]) -> np
     return np.float32((now[COUNT] * now[MEAN] + before[COUNT] * before[MEAN]) / (now[COUNT] + before[COUNT]))
 
 
+@kernel_part
+def _evidence_of(
+    points: Strided2D[np.float64],
+    rows: Array1D[np.int64],
+    west: float,
+    south: float,
+    cell: float,
+    flat: Array1D[np.float32],
+    directory: Directory,
+    cells: Array2D[np.int32],
+    at: Array1D[np.int64],
+) -> None:
+    """Write where in the evidence the cells under rows of points begin, negative where there are none.
+
+    Memory is asked for all of them together: random access to cells would wait each time.
+    """
+    for k in range(len(rows)):
+        cells[0, k] = np.int32(np.floor((points[rows[k], 1] - south) / cell))
+        cells[1, k] = np.int32(np.floor((points[rows[k], 0] - west) / cell))
+    tile_row = tile_col = slot = -1
+    for k in range(len(rows)):
+        r, c = int(cells[0, k]), int(cells[1, k])
+        if k == 0 or r >> TILE_BITS != tile_row or c >> TILE_BITS != tile_col:
+            tile_row, tile_col, slot = r >> TILE_BITS, c >> TILE_BITS, slot_at(directory, r, c)
+        at[k] = -1
+        if slot >= 0:
+            at[k] = ((slot * TILE + (r & (TILE - 1))) * TILE + (c & (TILE - 1))) * 2 * FIELDS
+            prefetch(flat, at[k])
+
+
+@kernel
+def mark_above(
+    points: Array2D[np.float64],
+    flags: Array1D[np.uint16],
+    has: int,
+    lacks: int,
+    mark: int,
+    sensor: Strided1D[np.float64],
+    least_m: float,
+    angle_noise_rad: float,
+    west: float,
+    south: float,
+    cell: float,
+    pool: Array5D[np.float32],
+    directory: Directory,
+) -> None:
+    """Set a flag of the points that `contradicts` finds.
+
+    Only points whose flags hold all of `has` and none of `lacks` count. The bound is `least_m` plus four
+    standard deviations of a height at the point's horizontal distance.
+    """
+    flat, asked, n = pool.ravel(), has | lacks, 0
+    rows, cells, at = np.empty(CHUNK, np.int64), np.empty((2, CHUNK), np.int32), np.empty(CHUNK, np.int64)
+    for row in range(len(points)):
+        rows[n] = row
+        n += (flags[row] & asked) == has
+        if n < CHUNK and row + 1 < len(points):
+            continue
+        _evidence_of(points, rows[:n], west, south, cell, flat, directory, cells, at)
+        for k in range(n):
+            i, first = rows[k], at[k]
+            if first < 0 or flat[first + COUNT] == 0:
+                continue
+            known, before = flat[first + HIGH], first + FIELDS
+            if flat[before + COUNT] > 0:
+                known = max(known, flat[before + HIGH])
+            way = np.sqrt((points[i, 0] - sensor[0]) ** 2 + (points[i, 1] - sensor[1]) ** 2)
+            if points[i, 2] - known > least_m + 4 * angle_noise_rad * way:
+                flags[i] |= np.uint16(mark)
+        n = 0
+
+
 @kernel
 def contradicts(
     points: Strided2D[np.float64],

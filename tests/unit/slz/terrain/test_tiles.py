@@ -134,6 +134,10 @@ def test_what_stands_over_known_ground_is_told_in_every_tile_and_over_unknown_gr
     sensor = np.array([10.0, -20.0, 30.0])
     told = tiles.contradicted_by(asked, sensor, NOISE, 1.0)
     np.testing.assert_array_equal(told, np.arange(len(places)) % 2 == 1)
+    flags = (np.arange(len(places)) // 2 % 8).astype(np.uint16)
+    marked = np.where(told & ((flags & (2 | 4)) == 2), flags | 8, flags)
+    tiles.mark_above(asked, flags, (2, 4, 8), sensor, NOISE, 1.0)
+    np.testing.assert_array_equal(flags, marked)
     assert not tiles.contradicted_by(asked + np.array([0.5, 0.0, 0.0]), sensor, NOISE, 1.0).any()
     rim = [(100.2, 0.2), (0.2, 100.2), (-100.3, 0.2), (0.2, -100.3)]
     assert not tiles.contradicted_by(points_at(*rim) * [1, 1, 99], sensor, NOISE, 1.0).any()
