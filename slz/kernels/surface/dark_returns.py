@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array2D, Array3D
-from slz.kernels.jit import kernel_part
+from slz.kernels.jit import kernel
 from slz.kernels.surface.neighbourhood import box_sums
 from slz.kernels.surface.piecewise_linear import F0
 from slz.kernels.surface.surface_record import DARK
@@ -21,7 +21,7 @@ EXTENT, FEWEST_ON_EXTENT = 10, 60.0  # cells around, and dark returns there on t
 SCORE = np.float32(3.5)  # log odds
 
 
-@kernel_part
+@kernel
 def dark_returns(fields: Array3D[np.float32], level: Array2D[np.bool_]) -> Array2D[np.float32]:
     """Return the log odds for water of every cell from how dark it is; 0 where it is not.
 

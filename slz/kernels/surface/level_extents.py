@@ -11,13 +11,13 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D
-from slz.kernels.jit import kernel_part
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.surface.banks import banks
 from slz.kernels.surface.even_falls import even_falls
 from slz.kernels.surface.masks import closed_mask, connected_parts
 from slz.kernels.surface.piecewise_linear import interpolate
 from slz.kernels.surface.shores import grow_extents
-from slz.kernels.surface.smooth_planes import PLANE_RADIUS, smooth_planes
+from slz.kernels.surface.smooth_planes import PLANE_RADIUS
 from slz.kernels.surface.surface_record import COUNT, GRADIENT, LEVEL, MEAN, RESIDUAL, SQUARES, N
 
 FLATTEST, RESIDUAL_M = np.float32(0.01), np.float32(0.06)  # of a plane over five cells, even with ripples
@@ -36,42 +36,40 @@ FALLS, SCORES_FALL = (0.003, 0.006), (0.0, -3.0)
 SCORE_POOR = 1.5
 
 
-@kernel_part
-def level_extents(
-    fields: Array3D[np.float32], planes: Array3D[np.float32], cell: float
-) -> tuple[Array2D[np.int32], Array2D[np.float32], Array1D[np.float64]]:
-    """Find the extents of one level, or of one even fall, and how much they are like water.
+@kernel
+def add_coarse(
+    fields: Array3D[np.float32],
+    labels: Array2D[np.int32],
+    level_m: Array2D[np.float32],
+    score: Array1D[np.float64],
+    wide: Array2D[np.int32],
+    wide_m: Array2D[np.float32],
+    scores: Array1D[np.float64],
+    residual_m: Array1D[np.float64],
+) -> Array1D[np.float64]:
+    """Add extents found in cells twice as wide to labels and levels, where they say more of water.
 
-    Planes through cells twice as wide find rippled or sparsely hit water, and say more where they find it.
-    Return labels (rows, cols), 0 for none, the level there, if it is water, else NaN, and the log odds for
-    water of each label.
+    They find rippled or sparsely hit water. Return the log odds for water of each label.
+
+    Parameters
+    ----------
+    labels, level_m, score
+        Of `extents_of` for the cells; changed.
+    wide, wide_m, scores, residual_m
+        Of `extents_of` for the wide ones.
     """
-    labels, level_m, score = fine_extents(fields, planes, cell)
-    coarse = _coarser(fields)
-    planes = smooth_planes(coarse[0], coarse[1], coarse[2], 2 * cell)
-    wide, wide_m, scores, residual_m = _extents(coarse[0], coarse[1], planes, 2 * cell, ROUGHEST_M, np.inf)
     n, band_m = len(score), np.maximum(BAND_M, SIGMAS * residual_m)
-    if scores.any():
-        for r in range(labels.shape[0]):
-            for c in range(labels.shape[1]):
-                own, height = wide[r // 2, c // 2], wide_m[r // 2, c // 2]
-                near = fields[COUNT, r, c] == 0 or abs(fields[MEAN, r, c] - height) < band_m[own]
-                if own > 0 and near and (labels[r, c] == 0 or scores[own] > score[labels[r, c]]):
-                    labels[r, c], level_m[r, c] = own + n - 1, height
-        score = np.concatenate((score, scores[1:]))
-    return labels, level_m, score
+    for r in range(labels.shape[0]):
+        for c in range(labels.shape[1]):
+            own, height = wide[r // 2, c // 2], wide_m[r // 2, c // 2]
+            near = fields[COUNT, r, c] == 0 or abs(fields[MEAN, r, c] - height) < band_m[own]
+            if own > 0 and near and (labels[r, c] == 0 or scores[own] > score[labels[r, c]]):
+                labels[r, c], level_m[r, c] = own + n - 1, height
+    return np.concatenate((score, scores[1:]))
 
 
-@kernel_part
-def fine_extents(
-    fields: Array3D[np.float32], planes: Array3D[np.float32], cell: float
-) -> tuple[Array2D[np.int32], Array2D[np.float32], Array1D[np.float64]]:
-    """Find the extents of one level in cells of the given size."""
-    return _extents(fields[COUNT], fields[MEAN], planes, cell, RESIDUAL_M, FALLING_M)[:3]
-
-
-@kernel_part
-def _coarser(fields: Array3D[np.float32]) -> Array3D[np.float32]:
+@kernel
+def coarser(fields: Array3D[np.float32]) -> Array3D[np.float32]:
     """Return number, mean and squared deviations of returns in cells twice as wide, (3, rows, cols)."""
     _, rows, cols = fields.shape
     out = np.zeros((3, (rows + 1) // 2, (cols + 1) // 2), np.float32)
@@ -96,7 +94,28 @@ def _coarser(fields: Array3D[np.float32]) -> Array3D[np.float32]:
 
 
 @kernel_part
-def _extents(
+def _grow_to_shore(
+    count: Array2D[np.float32],
+    mean: Array2D[np.float32],
+    labels: Array2D[np.int32],
+    level_m: Array2D[np.float32],
+    band_m: Array1D[np.float64],
+) -> None:
+    """Grow extents over the margin that the planes leave, up to cells that rise from their level.
+
+    Unseen cells belong to them as far as they are gaps within.
+    """
+    grow_extents(count, mean, labels, level_m, band_m, PLANE_RADIUS + 1)
+    own, unseen = (labels > 0) & (count > 0), (labels > 0) & (count == 0)
+    if unseen.any():
+        gaps = closed_mask(own, unseen)
+        for k in range(labels.size):
+            if unseen.flat[k] and not gaps.flat[k]:
+                labels.flat[k], level_m.flat[k] = 0, np.nan
+
+
+@kernel
+def extents_of(
     count: Array2D[np.float32],
     mean: Array2D[np.float32],
     planes: Array3D[np.float32],
@@ -106,7 +125,8 @@ def _extents(
 ) -> tuple[Array2D[np.int32], Array2D[np.float32], Array1D[np.float64], Array1D[np.float64]]:
     """Find the extents of one level in cells of one size; those less exact than `falling_m` may fall.
 
-    Return also the residual of the planes of each label, root mean square.
+    Return labels (rows, cols), 0 for none, the level there, if it is water, else NaN, and of each label the
+    log odds for water and the residual of its planes, root mean square.
     """
     core = (planes[GRADIENT] < FLATTEST) & (planes[RESIDUAL] < most_residual_m)
     labels, n = connected_parts(core, cell**2, SMALLEST_M2)
@@ -152,24 +172,3 @@ def _extents(
         weight = max(exact[label], 0.0) if falling[label] and around[label] > 0 else 1.0
         score[label] += around[label] * weight
     return labels, level_m, score, residual_m
-
-
-@kernel_part
-def _grow_to_shore(
-    count: Array2D[np.float32],
-    mean: Array2D[np.float32],
-    labels: Array2D[np.int32],
-    level_m: Array2D[np.float32],
-    band_m: Array1D[np.float64],
-) -> None:
-    """Grow extents over the margin that the planes leave, up to cells that rise from their level.
-
-    Unseen cells belong to them as far as they are gaps within.
-    """
-    grow_extents(count, mean, labels, level_m, band_m, PLANE_RADIUS + 1)
-    own, unseen = (labels > 0) & (count > 0), (labels > 0) & (count == 0)
-    if unseen.any():
-        gaps = closed_mask(own, unseen)
-        for k in range(labels.size):
-            if unseen.flat[k] and not gaps.flat[k]:
-                labels.flat[k], level_m.flat[k] = 0, np.nan

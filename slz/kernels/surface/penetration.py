@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array2D, Array3D
-from slz.kernels.jit import kernel_part
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.surface.neighbourhood import box_sums
 from slz.kernels.surface.piecewise_linear import F0, F1, ramp
 from slz.kernels.surface.surface_record import COUNT, DEEP, SEVERAL, SQUARES, TALL, TOLD
@@ -30,7 +30,7 @@ def spread_m(count: np.float32, squares: np.float32) -> np.float32:
     return np.float32(np.sqrt(max(squares, F0) / max(count, F1)))
 
 
-@kernel_part
+@kernel
 def penetration(fields: Array3D[np.float32]) -> Array2D[np.float32]:
     """Return the log odds for plants: of cells whose neighbourhood has returns from several depths."""
     f, layers = fields.reshape(len(fields), -1), np.zeros_like(fields[:6])

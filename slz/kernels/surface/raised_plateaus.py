@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D
-from slz.kernels.jit import kernel_part
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.surface.masks import SIDES, bounding_boxes, with_holes
 from slz.kernels.surface.penetration import spread_m
 from slz.kernels.surface.piecewise_linear import ramp
@@ -26,37 +26,6 @@ FEWEST_EDGES = 8
 MOST_DROPS = 256
 LEAST_SHARE, SHARES = 0.3, 0.6 - 0.3  # of the known edges that drop
 SCORE_PRIOR, SCORE_DROPS = -4.0, 8.0
-
-
-@kernel_part
-def raised_plateaus(
-    fields: Array3D[np.float32], cell: float
-) -> tuple[Array2D[np.float32], Array2D[np.float32]]:
-    """Find the plateaus that are raised above all ground around.
-
-    Return (rows, cols) the log odds for a roof, and the height over the ground around, 0 where none is.
-    """
-    height, smooth = np.full_like(fields[0], np.nan), np.full_like(fields[0], np.nan)
-    for k in range(height.size):
-        count = fields[COUNT].flat[k]
-        if count > 0:
-            height.flat[k] = fields[MEAN].flat[k]
-            if spread_m(count, fields[SQUARES].flat[k]) < SMOOTH_M:
-                smooth.flat[k] = height.flat[k]
-    labels, n_all = connect(smooth, STEP_M * cell)
-    n = _keep_possible(labels, n_all, cell**2)
-    holes = _holes(labels, n)
-    drops, known, down = plateau_edges(height, labels, holes, n, max(1, round(REACH_M / cell)))
-    score, raised = np.full(n, SCORE_PRIOR, np.float32), np.zeros(n, np.float32)
-    for label in range(1, n):
-        share = down[label] / max(known[label], 1)
-        if known[label] >= FEWEST_EDGES and share > LEAST_SHARE:
-            raised[label] = median(drops[label, : min(down[label], MOST_DROPS)])
-            score[label] = SCORE_PRIOR + SCORE_DROPS * ramp(share, LEAST_SHARE, SHARES)
-    log_odds, raised_m = np.empty_like(height), np.empty_like(height)
-    for k in range(labels.size):
-        log_odds.flat[k], raised_m.flat[k] = score[labels.flat[k]], raised[labels.flat[k]]
-    return log_odds, raised_m
 
 
 @kernel_part
@@ -138,3 +107,34 @@ def plateau_edges(
                         drops[own, down[own]] = drop - (apart / 2 if apart < FLAT_M else 0.0)
                     down[own] += 1
     return drops, known, down
+
+
+@kernel
+def raised_plateaus(
+    fields: Array3D[np.float32], cell: float
+) -> tuple[Array2D[np.float32], Array2D[np.float32]]:
+    """Find the plateaus that are raised above all ground around.
+
+    Return (rows, cols) the log odds for a roof, and the height over the ground around, 0 where none is.
+    """
+    height, smooth = np.full_like(fields[0], np.nan), np.full_like(fields[0], np.nan)
+    for k in range(height.size):
+        count = fields[COUNT].flat[k]
+        if count > 0:
+            height.flat[k] = fields[MEAN].flat[k]
+            if spread_m(count, fields[SQUARES].flat[k]) < SMOOTH_M:
+                smooth.flat[k] = height.flat[k]
+    labels, n_all = connect(smooth, STEP_M * cell)
+    n = _keep_possible(labels, n_all, cell**2)
+    holes = _holes(labels, n)
+    drops, known, down = plateau_edges(height, labels, holes, n, max(1, round(REACH_M / cell)))
+    score, raised = np.full(n, SCORE_PRIOR, np.float32), np.zeros(n, np.float32)
+    for label in range(1, n):
+        share = down[label] / max(known[label], 1)
+        if known[label] >= FEWEST_EDGES and share > LEAST_SHARE:
+            raised[label] = median(drops[label, : min(down[label], MOST_DROPS)])
+            score[label] = SCORE_PRIOR + SCORE_DROPS * ramp(share, LEAST_SHARE, SHARES)
+    log_odds, raised_m = np.empty_like(height), np.empty_like(height)
+    for k in range(labels.size):
+        log_odds.flat[k], raised_m.flat[k] = score[labels.flat[k]], raised[labels.flat[k]]
+    return log_odds, raised_m

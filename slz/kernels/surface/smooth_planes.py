@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array2D, Array3D
-from slz.kernels.jit import kernel_part
+from slz.kernels.jit import kernel
 from slz.kernels.surface.surface_record import GRADIENT, LEVEL, PLANE_LAYERS, RESIDUAL, N
 
 PLANE_RADIUS = 2  # cells
@@ -14,7 +14,7 @@ FEWEST = 8.0  # returns of a window that make a plane
 FEWEST_CELLS = 5.0
 
 
-@kernel_part
+@kernel
 def smooth_planes(
     count: Array2D[np.float32],
     mean: Array2D[np.float32],

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array2D, Array3D
-from slz.kernels.jit import kernel_part
+from slz.kernels.jit import kernel
 from slz.kernels.surface.neighbourhood import box_sums
 from slz.kernels.surface.piecewise_linear import F1
 from slz.kernels.surface.surface_record import ASIDE, ASIDE_LIGHT, ASIDE_M, NADIR, NADIR_LIGHT, NADIR_M
@@ -25,7 +25,7 @@ LEAST_LIGHT = np.float32(1e-6)
 SCORE = np.float32(4.5)  # log odds
 
 
-@kernel_part
+@kernel
 def specular_returns(fields: Array3D[np.float32]) -> tuple[Array2D[np.float32], Array2D[np.float32]]:
     """Return the log odds for water, and the height of the water over a bottom that was seen, else NaN.
 

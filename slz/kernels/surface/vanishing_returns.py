@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array2D, Array3D
-from slz.kernels.jit import kernel_for_any_types, kernel_part
+from slz.kernels.jit import kernel, kernel_for_any_types, kernel_part
 from slz.kernels.surface.neighbourhood import box_sums
 from slz.kernels.surface.piecewise_linear import F0, F1, interpolate
 from slz.kernels.surface.surface_record import (
@@ -44,6 +44,23 @@ def _score(
 
 
 @kernel_part
+def _suspect_by_lost_rays(fields: Array3D[np.float32], score: Array2D[np.float32]) -> None:
+    """Raise the score of seen cells that answered too few oblique rays to acquit them."""
+    f, rays = fields.reshape(len(fields), -1), np.empty_like(fields[:5])
+    for k, field in enumerate((OBLIQUE, LOST_OBLIQUE, SLANTED, LOST_SLANTED, REPORTED)):
+        rays[k] = fields[field]
+    near = box_sums(rays, AROUND).reshape(5, -1)
+    for k in range(score.size):
+        if f[COUNT, k] > F0 and f[OBLIQUE, k] < FEWEST_RAYS:
+            lost = f[LOST_SLANTED, k] if f[REPORTED, k] >= FEWEST_REPORTED else F0
+            suspect = _score(f[SLANTED, k], lost, FEWEST_RAYS, BY_SLANTED)
+            lost, slanted = (near[1, k], near[3, k]) if near[4, k] >= FEWEST_REPORTED else (F0, F0)
+            suspect = max(suspect, _score(near[0, k], lost, FEWEST_AROUND, BY_OBLIQUE))
+            suspect = max(suspect, _score(near[2, k], slanted, FEWEST_AROUND, BY_SLANTED))
+            score.flat[k] = max(score.flat[k], suspect, F0)
+
+
+@kernel
 def vanishing_returns(
     fields: Array3D[np.float32], level: Array2D[np.bool_], sees_obliquely: bool
 ) -> Array2D[np.float32]:
@@ -87,20 +104,3 @@ def vanishing_returns(
             if silent and level.flat[k] and out.flat[k] <= F0:
                 out.flat[k] = min(_score(answered[k], not_answered[k], FEWEST_ON_EXTENT, BY_OBLIQUE), F0)
     return out
-
-
-@kernel_part
-def _suspect_by_lost_rays(fields: Array3D[np.float32], score: Array2D[np.float32]) -> None:
-    """Raise the score of seen cells that answered too few oblique rays to acquit them."""
-    f, rays = fields.reshape(len(fields), -1), np.empty_like(fields[:5])
-    for k, field in enumerate((OBLIQUE, LOST_OBLIQUE, SLANTED, LOST_SLANTED, REPORTED)):
-        rays[k] = fields[field]
-    near = box_sums(rays, AROUND).reshape(5, -1)
-    for k in range(score.size):
-        if f[COUNT, k] > F0 and f[OBLIQUE, k] < FEWEST_RAYS:
-            lost = f[LOST_SLANTED, k] if f[REPORTED, k] >= FEWEST_REPORTED else F0
-            suspect = _score(f[SLANTED, k], lost, FEWEST_RAYS, BY_SLANTED)
-            lost, slanted = (near[1, k], near[3, k]) if near[4, k] >= FEWEST_REPORTED else (F0, F0)
-            suspect = max(suspect, _score(near[0, k], lost, FEWEST_AROUND, BY_OBLIQUE))
-            suspect = max(suspect, _score(near[2, k], slanted, FEWEST_AROUND, BY_SLANTED))
-            score.flat[k] = max(score.flat[k], suspect, F0)

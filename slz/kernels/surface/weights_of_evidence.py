@@ -9,15 +9,9 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D
 from slz.kernels.jit import kernel, kernel_for_any_types, kernel_part
-from slz.kernels.surface.dark_returns import dark_returns
 from slz.kernels.surface.flooded_ground import SEED, flood_ground
-from slz.kernels.surface.level_extents import fine_extents, level_extents
 from slz.kernels.surface.neighbourhood import box_sums
-from slz.kernels.surface.penetration import penetration
 from slz.kernels.surface.piecewise_linear import F0, F1, interpolate
-from slz.kernels.surface.raised_plateaus import raised_plateaus
-from slz.kernels.surface.smooth_planes import smooth_planes
-from slz.kernels.surface.specular_returns import specular_returns
 from slz.kernels.surface.surface_record import (
     CANOPY,
     COUNT,
@@ -28,17 +22,14 @@ from slz.kernels.surface.surface_record import (
     LOST_NEAR,
     LOW,
     LOW_VEGETATION,
-    MEAN,
     N_LAYERS,
-    RAISED,
     RESIDUAL,
     ROOF,
     SHAPE,
-    SQUARES,
     WATER,
     N,
 )
-from slz.kernels.surface.vanishing_returns import FEWEST_RAYS, vanishing_returns
+from slz.kernels.surface.vanishing_returns import FEWEST_RAYS
 
 BESIDE, SHORE = 3, 0.1  # cells around; probability that a footprint in a cell beside water reaches it
 SCORE_WATER = np.float32(-4.7)  # log odds of water before any evidence
@@ -87,52 +78,49 @@ def _sloping(
 def weigh(
     fields: Array3D[np.float32],
     cell: float,
+    planes: Array3D[np.float32],
+    on_level: Array2D[np.bool_],
+    levels: Array2D[np.float32],
+    roofs: Array2D[np.float32],
+    plants: Array2D[np.float32],
+    mirrors: Array2D[np.float32],
+    lost: Array2D[np.float32],
+    dark: Array2D[np.float32],
     shape: Array2D[np.float32],
     said: Array3D[np.float32],
-    sees_obliquely: bool,
     layers: Array3D[np.float32],
-) -> tuple[Array3D[np.float32], Array2D[np.int32], Array2D[np.float32], Array2D[np.float32]]:
+) -> Array3D[np.float32]:
     """Return the log odds against water, plants and roofs, (3, rows, cols), infinite where none can be.
-
-    Return also what floods: labels and level of extents, and the height of water over a bottom that was seen.
 
     Parameters
     ----------
     fields
         (SURFACE_FIELDS, rows, cols) of `slz.kernels.surface.surface_record`.
+    planes
+        (4, rows, cols) of `smooth_planes`.
+    on_level, levels, roofs, plants, mirrors, lost, dark
+        (rows, cols) cells of level extents, and log odds of each rule.
     shape
         (rows, cols) SHAPE as told before with more of the surroundings, 0 for none; or empty.
     said
         Log odds for roofs and for plants, and share of tall plants or NaN, as the maker of a survey said,
         (3, rows, cols); or empty.
-    sees_obliquely
-        Whether the sensor sees obliquely elsewhere.
     layers
-        (N_LAYERS, rows, cols), of which RAISED and SHAPE are written, CANOPY as the share of tall ones among
+        (N_LAYERS, rows, cols), of which SHAPE is written, CANOPY as the share of tall ones among
         plants, and KIND as whether enough was seen to tell one.
     """
     f, told, any_said = fields.reshape(len(fields), -1), shape.size > 0, said.size > 0
-    planes = smooth_planes(fields[COUNT], fields[MEAN], fields[SQUARES], cell)
-    if told:
-        labels, level_m, scores = fine_extents(fields, planes, cell)
-        on_level = (labels > 0) | (shape != 0)
-    else:
-        labels, level_m, scores = level_extents(fields, planes, cell)
-        on_level = labels > 0
-    (roofs, raised_m), plants = raised_plateaus(fields, cell), penetration(fields)
-    mirrors, surface_m = specular_returns(fields)
-    lost, dark = vanishing_returns(fields, on_level, sees_obliquely), dark_returns(fields, on_level)
     odds, out, of_planes = (
         np.full_like(fields[:3], NEVER),
         layers.reshape(N_LAYERS, -1),
         planes.reshape(4, -1),
     )
     against, of_maker = odds.reshape(3, -1), said.reshape(3, -1)
-    out[RAISED], out[CANOPY] = raised_m.ravel(), F0
+    out[CANOPY] = F0
     for k in range(f.shape[1]):
         seen, roof, mirror = f[COUNT, k] > F0, roofs.flat[k], mirrors.flat[k]
         # Around water that answered lies more of it, as even as ground: shape acquits it of little.
-        level = np.float32(scores[labels.flat[k]])
+        level = levels.flat[k]
         out[SHAPE, k] = shape.flat[k] if told else min(level, F0) if roof > F0 else level
         if told and shape.flat[k] != F0:
             level = max(level, shape.flat[k])
@@ -156,7 +144,7 @@ def weigh(
                 tall = tall if math.isnan(of_maker[2, k]) else of_maker[2, k]
             against[1, k], against[2, k] = -min(max(plant, -MOST), MOST), -min(max(roof, -MOST), MOST)
             out[CANOPY, k] = tall
-    return odds, labels, level_m, surface_m
+    return odds
 
 
 @kernel_for_any_types

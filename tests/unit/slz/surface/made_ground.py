@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.surface.level_extents import level_extents
 from slz.kernels.surface.smooth_planes import smooth_planes
 from slz.kernels.surface.surface_record import (
     APART_M,
@@ -23,6 +22,7 @@ from slz.kernels.surface.surface_record import (
     TALL,
 )
 from slz.surface import classification
+from slz.surface.classification import level_extents
 from slz.surface.surface_probabilities import SurfaceLayers
 from slz.surface.survey_classes import SurveyClasses
 
@@ -115,7 +115,7 @@ def extents_of(cells: SurfaceCells) -> tuple[NDArray[np.int32], NDArray[np.float
     """Return labels and level of the extents of cells, and the log odds for water of each label."""
     f = cells.fields
     planes = smooth_planes(f[COUNT], f[MEAN], f[SQUARES], cells.cell_m)
-    return level_extents(f, planes, cells.cell_m)
+    return level_extents(f, planes, cells.cell_m, is_far=True)
 
 
 def with_fields(cells: SurfaceCells, values: Mapping[int, float | NDArray[Any]]) -> SurfaceCells:
