@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.kernels.points.repeatability import over_blocks, spread_of_blocks
+from slz.kernels.points.repeatability import bounds, over_blocks, spread_of_blocks
 from slz.terrain.tiles import Noise, Tiles
 
 MOST_RETURNS, PART = 20_000, 4  # returns compared with the map, and the part of them that mostly suffices
@@ -50,10 +50,6 @@ class SolidGround:
         """Share of the returns over known ground that are over solid ground, 0 for none."""
         return len(self.differences) / max(1, self.n_known)
 
-    def holds(self, points_enu_m: Floats, used: NDArray[np.intp]) -> NDArray[np.bool_]:
-        """Return which of the used points (m indices) of (n, 3) are over solid ground."""
-        return over_blocks(points_enu_m, used, self.west_m, self.south_m, self.side_m, self.blocks)
-
 
 NOTHING = SolidGround(np.empty((0, 4)), 0, 0.0, 0.0, 0.0, 1.0, np.zeros((0, 0), bool))
 
@@ -86,8 +82,8 @@ def solid_ground(
     """
     every, ground = max(1, len(used) // MOST_RETURNS), NOTHING
     for step in (PART * every, every):
-        some = points_enu_m[used[::step]] - np.array([0.0, 0.0, tiles.datum_m])
-        ground = _of(tiles.differences(some), sensor_enu_m, noise, most_spread_m)
+        found = tiles.differences(points_enu_m, used[::step].copy(), tiles.datum_m)
+        ground = _of(found, sensor_enu_m, noise, most_spread_m)
         if len(ground.differences) >= ENOUGH_RETURNS:
             break
     return ground
@@ -97,9 +93,8 @@ def _of(found: Floats, sensor_enu_m: Floats, noise: Noise, most_spread_m: float)
     """Return the solid ground of differences (m, 4)."""
     if not len(found):
         return NOTHING
-    west, south = found[:, 0].min(), found[:, 1].min()
-    size = found[:, :2].max(axis=0) - (west, south)
-    area = float(size.prod())
+    west, south, *size = bounds(found)
+    area = size[0] * size[1]
     side = max(LEAST_SIDE_M, math.sqrt(PER_BLOCK * area / len(found)), math.sqrt(area / MOST_BLOCKS))
     cols, rows = (1 + int(m / side) for m in size)
     spread = spread_of_blocks(found, west, south, side, rows, cols, FEWEST_PAIRS)

@@ -7,12 +7,12 @@ itself to the map below it, after the window as a whole.
 
 from __future__ import annotations
 
-import itertools
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.points.repeatability import rows_by_span
 from slz.points.registration import FEWEST_SPREAD_M, median, robust_plane, wide_axes
 from slz.points.solid_ground import SolidGround
 from slz.terrain.tiles import Tiles
@@ -84,7 +84,7 @@ def sway(
     of_scan = np.arange(n_scans) * n // max(1, n_scans)
     origins = origins_enu_m[np.searchsorted(of_scan, np.arange(n))]
     offsets = np.zeros((n, 3))
-    found, span, known = _compared(points_enu_m, used, of_scan[scan[used]], n, tiles, ground)
+    found, span, known = _compared(points_enu_m, used, scan, of_scan, n, tiles, ground)
     ends = np.searchsorted(span, np.arange(n + 1))
     told = np.flatnonzero(np.diff(ends) >= FEWEST_RETURNS)
     heights = [median(found[ends[k] : ends[k + 1], 2]) for k in told]
@@ -113,7 +113,8 @@ def sway(
 def _compared(
     points_enu_m: Floats,
     used: NDArray[np.intp],
-    span: NDArray[np.intp],
+    scan: Scans,
+    of_scan: NDArray[np.intp],
     n: int,
     tiles: Tiles,
     ground: SolidGround,
@@ -122,12 +123,7 @@ def _compared(
 
     Then their spans (m,), and the share of each span's returns that are over solid ground (n,).
     """
-    on = ground.holds(points_enu_m, used)
-    count = np.bincount(span, minlength=n)
-    used, span = used[on], span[on]
-    order = np.argsort(span, kind="stable")
-    ends = np.searchsorted(span[order], np.arange(n + 1)).tolist()
-    parts = [order[a:b][:: max(1, (b - a) // PER_SPAN)] for a, b in itertools.pairwise(ends)]
-    some = np.concatenate(parts)
-    found = tiles.differences(points_enu_m[used[some]])
-    return found, span[some[found[:, 3].astype(np.intp)]], np.diff(ends) / np.maximum(count, 1)
+    blocks = ground.west_m, ground.south_m, ground.side_m, ground.blocks
+    rows, span, count = rows_by_span(points_enu_m, used, scan, of_scan, n, PER_SPAN, *blocks)
+    found = tiles.differences(points_enu_m, rows)
+    return found, span[found[:, 3].astype(np.intp)], count[1] / np.maximum(count[0], 1)

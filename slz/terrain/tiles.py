@@ -248,9 +248,20 @@ class Tiles:
         young = seen_s[seen_s >= since_s - TIME_ROUNDING * (abs(since_s) + 1000)]
         self._oldest_s[slot] = young.min(initial=np.inf)
 
-    def differences(self, points_enu_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return (m, 4) of the points over known cells: east, north, height above the mean, and index."""
-        return differences(points_enu_m, *self._place, self._pool, self._store.directory)
+    def differences(
+        self, points_enu_m: NDArray[np.float64], rows: NDArray[np.int64] | None = None, lower_m: float = 0.0
+    ) -> NDArray[np.float64]:
+        """Return (m, 4) of the points over known cells: east, north, height above the mean, and index.
+
+        Parameters
+        ----------
+        rows, lower_m
+            Points to compare, to whose indices the result refers, by default all; and by how much to lower
+            them.
+        """
+        rows = np.arange(len(points_enu_m)) if rows is None else rows
+        place = (*self._place, self._pool, self._store.directory)
+        return differences(points_enu_m, rows, lower_m, *place)
 
     def contradicted_by(
         self,

@@ -469,26 +469,32 @@ def contradicts(
 @kernel
 def differences(
     points: Strided2D[np.float64],
+    rows: Array1D[np.int64],
+    lower_m: float,
     west: float,
     south: float,
     cell: float,
-    pool: Strided5D[np.float32],
+    pool: Array5D[np.float32],
     directory: Directory,
 ) -> Strided2D[np.float64]:
-    """Return (m, 4) east, north, height above the cell's mean, and index, of the points over known cells."""
-    out = np.empty((len(points), 4))
-    m = 0
-    for i in range(len(points)):
-        c = int(np.floor((points[i, 0] - west) / cell))
-        r = int(np.floor((points[i, 1] - south) / cell))
-        slot = slot_at(directory, r, c)
-        if slot < 0:
-            continue
-        held = pool[slot, r & (TILE - 1), c & (TILE - 1)]
-        now, before = held[0], held[1]
-        if now[COUNT] == 0:
-            continue
-        out[m, 0], out[m, 1], out[m, 2] = points[i, 0], points[i, 1], points[i, 2] - mean_height(now, before)
-        out[m, 3] = i
-        m += 1
+    """Return (m, 4) east, north, height above the cell's mean, and index, of the points over known cells.
+
+    Parameters
+    ----------
+    points, rows, lower_m
+        (n, 3), those to compare, to whose indices the result refers, and by how much they are lowered.
+    """
+    flat, out, m = pool.ravel(), np.empty((len(rows), 4)), 0
+    cells, at = np.empty((2, CHUNK), np.int32), np.empty(CHUNK, np.int64)
+    for start in range(0, len(rows), CHUNK):
+        some = rows[start : start + CHUNK]
+        _evidence_of(points, some, west, south, cell, flat, directory, cells, at)
+        for k in range(len(some)):
+            i, first = some[k], at[k]
+            if first < 0 or flat[first + COUNT] == 0:
+                continue
+            now, before = flat[first : first + FIELDS], flat[first + FIELDS : first + 2 * FIELDS]
+            over = points[i, 2] - lower_m - mean_height(now, before)
+            out[m, 0], out[m, 1], out[m, 2], out[m, 3] = points[i, 0], points[i, 1], over, start + k
+            m += 1
     return out[:m].copy()

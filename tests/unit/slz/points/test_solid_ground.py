@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 import params
 from slz import LocalFrame, Pipeline, Scan, join
-from slz.kernels.points.repeatability import over_blocks, spread_of_blocks
+from slz.kernels.points.repeatability import bounds, over_blocks, rows_by_span, spread_of_blocks
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -187,3 +187,25 @@ def test_a_point_is_over_the_block_around_it() -> None:
     order = np.arange(len(points))[::-1].copy()
     on = over_blocks(points, order, 10.0, 20.0, 2.0, np.array([[True, False]]))
     assert on[::-1].tolist() == [inside for *_, inside in corners()]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_rows_of_spans_over_solid_ground(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    points, used = rng.uniform(-1, 11, (900, 3)), np.sort(rng.permutation(900)[:700])
+    scan, blocks = rng.integers(0, 7, 900).astype(np.uint16), rng.random((5, 5)) < 0.6 * (seed > 0)
+    of_scan = np.array([0, 0, 1, 1, 2, 4, 4])
+    rows, spans, count = rows_by_span(points, used, scan, of_scan, 5, 30, 0.0, 0.0, 2.0, blocks)
+    at = np.floor(points[:, [1, 0]] / 2.0).astype(int)
+    solid = np.asarray(((at >= 0) & (at < 5)).all(axis=1))
+    solid[solid] = blocks[tuple(at[solid].T)]
+    expected = [(used[of_scan[scan[used]] == span]) for span in range(5)]
+    over = [own[solid[own]] for own in expected]
+    assert count.tolist() == [[len(own) for own in expected], [len(own) for own in over]]
+    chosen = [own[:: max(1, len(own) // 30)] for own in over]
+    np.testing.assert_array_equal(rows, np.concatenate(chosen))
+    np.testing.assert_array_equal(spans, np.repeat(np.arange(5), [len(own) for own in chosen]))
+    found = rng.uniform(-9, 9, (50, 4))
+    west, south, wide, high = bounds(found)
+    np.testing.assert_array_equal([west, south], found[:, :2].min(axis=0))
+    np.testing.assert_array_equal([wide, high], np.ptp(found[:, :2], axis=0))
