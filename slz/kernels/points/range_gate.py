@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D
@@ -40,6 +42,19 @@ def mark_usable(
         beyond = dx * dx + dy * dy > reach2
         if not beyond and abs(z) < most_height and x - x == 0.0 and y - y == 0.0:
             flags[i] |= flag
+
+
+@kernel
+def heights_and_ranges(
+    points: Array2D[np.float64], sensor: ReadOnly1D[np.float64], every: int
+) -> Array2D[np.float64]:
+    """Return (2, m) heights, and horizontal ranges from the sensor, of every so-manieth point."""
+    out = np.empty((2, (len(points) + every - 1) // every))
+    for k in range(out.shape[1]):
+        i = k * every
+        out[0, k] = points[i, 2]
+        out[1, k] = math.hypot(points[i, 0] - sensor[0], points[i, 1] - sensor[1])
+    return out
 
 
 @kernel

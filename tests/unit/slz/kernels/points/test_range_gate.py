@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slz.kernels.points.range_gate import mark_usable
+from slz.kernels.points.range_gate import heights_and_ranges, mark_usable
 
 HERE, NOWHERE = np.zeros(3), np.full(3, np.nan)
 UNUSABLE = [
@@ -43,3 +43,12 @@ def test_one_unusable_return_is_left_out_alone(bad: tuple[float, float, float], 
     points = cloud(130)
     points[place] = bad
     assert np.array_equal(np.flatnonzero(~usable(points, HERE)), [place])
+
+
+@pytest.mark.parametrize(("n", "every"), [(0, 1), (1, 1), (7, 3), (900, 4)])
+def test_heights_and_ranges_of_a_sample(n: int, every: int) -> None:
+    rng = np.random.default_rng(n)
+    points, sensor = rng.normal(0, 30, (n, 3)), rng.normal(size=3)
+    heights, ranges = heights_and_ranges(points, sensor, every)
+    np.testing.assert_array_equal(heights, points[::every, 2])
+    np.testing.assert_array_equal(ranges, np.hypot(*(points[::every, :2] - sensor[:2]).T))
