@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from params import Parameters
+from slz.kernels.points.histogram import beyond, heights_within
+from slz.kernels.points.range_gate import mark_near
+from slz.kernels.points.rows import mark
 from slz.lanes import MAIN
 from slz.points.mapping_reach import reach_m, within
 from slz.points.outliers import CLOUD_GROUP, FLIGHT_GROUP, gap_interval, in_cluster, is_dense_at, not_isolated
@@ -31,11 +34,10 @@ class Isolation:
         points = returns.places_m if len(rows) == len(returns) else returns.places(Flag.USABLE)
         # A stored cloud was cleaned by who made it.
         keep = not_isolated(points, sensor, p.cell_m) if in_flight else np.ones(len(points), bool)
-        height_m = points[:, 2]
-        low_m, high_m = gap_interval(height_m[keep], p.outlier_gap_m)
-        strays = np.flatnonzero(keep & ((height_m < low_m) | (height_m > high_m)))
+        low_m, high_m = gap_interval(heights_within(points, keep), p.outlier_gap_m)
+        strays = beyond(points, keep, low_m, high_m)
         keep[strays] = in_cluster(points[strays], *(FLIGHT_GROUP if in_flight else CLOUD_GROUP))
-        flags[rows[keep]] |= np.uint16(Flag.KEPT)
+        mark(flags, rows, keep, Flag.KEPT.value)
         if in_flight:
             alone = rows[~keep]
             isolated = returns.places_m[alone]
@@ -45,4 +47,4 @@ class Isolation:
             flags[alone[~(judged | dense)]] |= np.uint16(Flag.DISTANT)
             if 2 * len(alone) > len(points):
                 flags[alone] |= np.uint16(Flag.KEPT | Flag.SPARSE)
-        flags[within(returns.places_m, sensor, reach_m(p))] |= np.uint16(Flag.NEAR)
+        mark_near(returns.places_m, sensor, reach_m(p) ** 2, flags, Flag.NEAR.value)

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from slz.grid import Grid
-from slz.kernels.points.histogram import ends_of, gaps_of
+from slz.kernels.points.histogram import beyond, ends_of, gaps_of, heights_within
 from slz.paper.window_cells import WindowCells
 from tests.oracle.source_rules import histogram_interval
 
@@ -82,3 +82,12 @@ def test_a_height_out_of_all_reason_costs_no_memory_and_is_cut() -> None:
     low, high = gaps_of(height, 1.0, 0.02)
     assert low == 0.0
     assert 4.0 <= high < 1e7 / 99_999 + 1e-6
+
+
+def test_heights_of_some_points_and_those_beyond_an_interval() -> None:
+    rng = np.random.default_rng(2)
+    points, which = rng.normal(size=(300, 3)), rng.random(300) < 0.7
+    np.testing.assert_array_equal(heights_within(points, which), points[which, 2])
+    strays = np.flatnonzero(which & ((points[:, 2] < -1.0) | (points[:, 2] > 0.5)))
+    np.testing.assert_array_equal(beyond(points, which, -1.0, 0.5), strays)
+    assert not len(beyond(points, which, -np.inf, np.inf))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.argument_types import Array1D, Strided1D
+from slz.kernels.argument_types import Array1D, ReadOnly2D, Strided1D
 from slz.kernels.jit import kernel
 
 CHUNK = 64  # heights processed together
@@ -64,6 +64,28 @@ def _range(height: Array1D[np.float64]) -> tuple[float, float]:
     for i in range(whole, len(height)):
         least[0], most[0] = min(least[0], height[i]), max(most[0], height[i])
     return least.min(), most.max()
+
+
+@kernel
+def heights_within(points: ReadOnly2D[np.float64], which: Array1D[np.bool_]) -> Array1D[np.float64]:
+    """Return the heights of those of (n, 3) points which are told (n,)."""
+    out, n = np.empty(len(points)), 0
+    for i in range(len(points)):
+        out[n] = points[i, 2]
+        n += which[i]
+    return out[:n].copy()
+
+
+@kernel
+def beyond(
+    points: ReadOnly2D[np.float64], which: Array1D[np.bool_], low: float, high: float
+) -> Array1D[np.int64]:
+    """Return the indices of such points that are lower or higher than an interval of heights."""
+    out, n = np.empty(len(points), np.int64), 0
+    for i in range(len(points)):
+        out[n] = i
+        n += which[i] and (points[i, 2] < low or points[i, 2] > high)
+    return out[:n].copy()
 
 
 @kernel

@@ -19,6 +19,13 @@ def rows_of(flags: Array1D[np.uint16], has: int, lacks: int) -> Array1D[np.int64
 
 
 @kernel
+def mark(flags: Array1D[np.uint16], rows: Array1D[np.int64], which: Array1D[np.bool_], flag: int) -> None:
+    """Set a flag of those of some rows which are told."""
+    for k in range(len(rows)):
+        flags[rows[k]] |= np.uint16(flag) if which[k] else np.uint16(0)
+
+
+@kernel
 def rows_in_turn(flags: Array1D[np.uint16], first: int, others: Array1D[np.uint16]) -> Array1D[np.int64]:
     """Return the rows whose flags hold `first`, then those of each other flag that do not hold it."""
     out, n, kept = np.empty((1 + len(others)) * len(flags), np.int64), 0, np.uint16(first)

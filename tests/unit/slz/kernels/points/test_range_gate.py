@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slz.kernels.points.range_gate import heights_and_ranges, mark_usable
+from slz.kernels.points.range_gate import heights_and_ranges, mark_near, mark_usable, within_reach
 
 HERE, NOWHERE = np.zeros(3), np.full(3, np.nan)
 UNUSABLE = [
@@ -52,3 +52,12 @@ def test_heights_and_ranges_of_a_sample(n: int, every: int) -> None:
     heights, ranges = heights_and_ranges(points, sensor, every)
     np.testing.assert_array_equal(heights, points[::every, 2])
     np.testing.assert_array_equal(ranges, np.hypot(*(points[::every, :2] - sensor[:2]).T))
+
+
+@pytest.mark.parametrize("sensor", [HERE, NOWHERE])
+def test_near_are_those_within_reach_over_ground(sensor: np.ndarray) -> None:
+    points, flags = cloud(200), np.full(200, 2, np.uint16)
+    mark_near(points, sensor, 900.0, flags, 8)
+    near = ~(np.hypot(*(points[:, :2] - sensor[:2]).T) > 30.0)
+    np.testing.assert_array_equal(flags, np.where(near, 10, 2))
+    np.testing.assert_array_equal(within_reach(points, sensor, 900.0), near)

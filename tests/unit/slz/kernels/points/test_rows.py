@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slz.kernels.points.rows import picked, rows_by_scan, rows_in_turn, rows_of
+from slz.kernels.points.rows import mark, picked, rows_by_scan, rows_in_turn, rows_of
 
 
 @pytest.mark.parametrize(("has", "lacks"), [(0, 0), (1, 0), (0, 1), (3, 4), (8, 3)])
@@ -34,3 +34,16 @@ def test_rows_of_one_flag_come_before_those_of_others_without_it(n: int) -> None
     wanted = [first, *(~first & ((flags & other) != 0) for other in others)]
     found = rows_in_turn(flags, 2, others)
     assert np.array_equal(found, np.concatenate([np.flatnonzero(which) for which in wanted]))
+
+
+def test_a_flag_is_set_of_those_rows_alone_which_are_told() -> None:
+    random = np.random.default_rng(1)
+    flags, rows, which = (
+        random.integers(0, 16, 90).astype(np.uint16),
+        random.permutation(90)[:50],
+        np.arange(50) % 3 == 0,
+    )
+    wanted = flags.copy()
+    wanted[rows[which]] |= np.uint16(4)
+    mark(flags, rows, which, 4)
+    assert np.array_equal(flags, wanted)
