@@ -44,7 +44,7 @@ def _add(
     rows: Rows, isolated: Points | None, to_m: float, zone_map: ZoneMap, returns: Returns, ground: Ground
 ) -> None:
     zone_map.terrain.pin(ground.pinned_enu_m, ground.parameters.touchdown_error_m)
-    places = returns.places_m[rows]
+    places = returns.places_m.take(rows, axis=0)
     if len(returns.added_m):
         places = np.concatenate([places, returns.added_m])
     altered = [*ground.altered_by_wires_m, *ground.altered_by_surface_m]

@@ -27,7 +27,7 @@ class SurfaceStage:
         rows, grid = returns.rows(Flag.KEPT), ground.near.terrain.grid
         certain = (returns.flags[rows] & (Flag.NEAR | Flag.SPARSE)) == Flag.NEAR
         ground.altered_by_surface_m = ground.surface.update(
-            returns.places_m[rows],
+            returns.places_m.take(rows, axis=0),
             certain,
             ground.stored(returns.sensor_m),
             ground.now_s,

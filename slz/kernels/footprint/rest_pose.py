@@ -55,10 +55,11 @@ def ground_of_box(
     lower, middle, upper, wide, row, col = ground
     low, high, total, count = np.inf, -np.inf, 0.0, 0
     for r in range(max(0, row0), min(len(lower) // wide, row1 + 1)):
+        north = plane[2] * (r - row)
         for c in range(max(0, col0), min(wide, col1 + 1)):
-            at = r * wide + c
+            at = np.uint64(r * wide + c)  # unsigned: no check for negative indices
             if lower[at] < NOWHERE:
-                level = plane[0] + plane[1] * (c - col) + plane[2] * (r - row)
+                level = plane[0] + plane[1] * (c - col) + north
                 low, high = min(low, lower[at] - level), max(high, upper[at] - level)
                 total += middle[at] - level
                 count += 1
