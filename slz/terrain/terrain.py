@@ -30,7 +30,6 @@ from params import Parameters
 from slz.grid import Box, Edges, Grid
 from slz.kernels.cells.cell_record import TILE
 from slz.kernels.cells.cell_statistics import summary
-from slz.kernels.cells.resolution_pyramid import downsample
 from slz.kernels.cells.tile_boxes import blocks_around, or_boxes, or_hits, or_points, regions
 from slz.kernels.footprint.patch import rows_of_patch
 from slz.kernels.lines.wire_tops import raise_tops
@@ -307,10 +306,7 @@ class EvidenceTerrain(UnboundedTerrain):
         if self.level == 0:
             cells = self.tiles.summary(box, max_age_s)
         else:
-            evidence = self.tiles.read(_scaled(box, self.level))
-            for _ in range(self.level):
-                evidence = downsample(evidence, self.tiles.latest_s, max_age_s)
-            cells = summary(evidence, self.tiles.latest_s, max_age_s)
+            cells = summary(self.tiles.read(box, self.level, max_age_s), self.tiles.latest_s, max_age_s)
         cell_m = self.grid.cell_m
         west_m, south_m = self.tiles.west_m + box.col0 * cell_m, self.tiles.south_m + box.row0 * cell_m
         if len(self._thin.found_enu_m):

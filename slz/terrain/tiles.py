@@ -15,7 +15,6 @@ from slz.kernels.cells.accumulate import (
     accumulate,
     cells_of,
     contradicts,
-    copy_evidence,
     count_by_tile,
     differences,
     mark_above,
@@ -23,6 +22,7 @@ from slz.kernels.cells.accumulate import (
 )
 from slz.kernels.cells.cell_record import COUNT, FIELDS, TILE, TIME
 from slz.kernels.cells.cell_statistics import stretches, summarise
+from slz.kernels.cells.resolution_pyramid import coarse_evidence
 from slz.kernels.points.clutter import ground_and_rays
 from slz.terrain.demand_zero import prefault_range
 from slz.tile_keys import Key, boxes_of_tiles, keys_over, tiles_over
@@ -210,12 +210,18 @@ class Tiles:
         distance = math.hypot(east, north)
         return (0.0 if math.isnan(distance) else distance), key
 
-    def read(self, box: Box) -> NDArray[np.float32]:
-        """Return a copy (rows, cols, 2, FIELDS) of the evidence of a box; zero where nothing was seen."""
-        out = np.zeros((*box.shape, 2, FIELDS), np.float32)
-        corner, _ = tiles_over(box)
-        copy_evidence(self._pool, self._store.table(box), *corner, box.row0, box.col0, out)
-        return out
+    def read(self, box: Box, level: int = 0, max_age_s: float = math.inf) -> NDArray[np.float32]:
+        """Return a copy (rows, cols, 2, FIELDS) of the evidence of a box; zero where nothing was seen.
+
+        Parameters
+        ----------
+        level
+            The box and the result are in cells 2^level times as wide; then evidence older than `max_age_s` is
+            left out.
+        """
+        cells = box.row0, box.row1, box.col0, box.col1
+        table = self._store.table(Box(*(edge << level for edge in cells)))
+        return coarse_evidence(self._pool, table, cells, level, self.latest_s, max_age_s)
 
     def summary(self, box: Box, max_age_s: float) -> NDArray[np.float32]:
         """Return `slz.kernels.cells.cell_statistics.summarise` of the cells of a box at the latest stamp."""

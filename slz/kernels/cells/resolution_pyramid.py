@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.kernels.argument_types import Array4D, Float32
-from slz.kernels.cells.cell_record import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TIME
+from slz.kernels.argument_types import Array2D, Array4D, Array5D, Float32
+from slz.kernels.cells.accumulate import copy_evidence
+from slz.kernels.cells.cell_record import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TILE_BITS, TIME
 from slz.kernels.jit import kernel
 
 
@@ -50,4 +51,34 @@ def downsample(evidence: Array4D[np.float32], now_s: Float32, max_age_s: Float32
                         joint[HIGH] = max(joint[HIGH], part[HIGH])
                         joint[TIME] = min(joint[TIME], part[TIME])
                         joint[COUNT] = total
+    return out
+
+
+@kernel
+def coarse_evidence(
+    pool: Array5D[np.float32],
+    table: Array2D[np.int32],
+    box: tuple[int, int, int, int],
+    level: int,
+    now_s: Float32,
+    max_age_s: Float32,
+) -> Array4D[np.float32]:
+    """Return the evidence of cells of a level, merged from the tiles row by row.
+
+    Parameters
+    ----------
+    pool, table
+        Evidence of the tiles by slot, and the slots of those that the box touches, -1 for none.
+    box
+        row0, row1, col0, col1 (half open) in cells of the level.
+    """
+    row0, row1, col0, col1 = box
+    out, side = np.empty((row1 - row0, col1 - col0, 2, FIELDS), np.float32), 1 << level
+    first = (row0 << level) >> TILE_BITS, (col0 << level) >> TILE_BITS
+    for r in range(row0, row1):
+        fine = np.zeros((side, (col1 - col0) << level, 2, FIELDS), np.float32)
+        copy_evidence(pool, table, first[0], first[1], r << level, col0 << level, fine)
+        for _ in range(level):
+            fine = downsample(fine, now_s, max_age_s)
+        out[r - row0] = fine[0]
     return out
