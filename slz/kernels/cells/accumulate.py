@@ -334,7 +334,7 @@ def accumulate(
     return used
 
 
-@kernel
+@kernel_part
 def copy_evidence(
     pool: Array5D[np.float32],
     table: Strided2D[np.int32],

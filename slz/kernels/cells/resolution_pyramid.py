@@ -7,10 +7,10 @@ import numpy as np
 from slz.kernels.argument_types import Array2D, Array4D, Array5D, Float32
 from slz.kernels.cells.accumulate import copy_evidence
 from slz.kernels.cells.cell_record import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TILE_BITS, TIME
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 
-@kernel
+@kernel_part
 def downsample(evidence: Array4D[np.float32], now_s: Float32, max_age_s: Float32) -> Array4D[np.float32]:
     """Merge 2 x 2 cells, (2 r, 2 c) the first of cell (r, c), and both their epochs into one epoch.
 
