@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.adaptive import Choice
+from slz.frame import MapFrame
 from slz.ground import Ground
 from slz.landing_point.corridors import Corridors
 from slz.landing_point.judgement import SelectedPoint, unknown
 from slz.landing_point.watched_ground import WatchedGround, watched_ground
 from slz.lanes import Lanes
-from slz.map_frame import MapFrame
 from slz.method import MethodResult, centre_of
 from slz.prior import Prior
 from slz.prior import Source as PriorSource

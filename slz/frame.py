@@ -80,6 +80,20 @@ class LocalFrame:
         return np.stack([np.rad2deg(lat), np.rad2deg(lon), alt], axis=-1)
 
 
+@dataclass(frozen=True, slots=True)
+class MapFrame(LocalFrame):
+    """Frame of one map.
+
+    number: differs between successive maps with the same origin, as after a jump of the position estimate.
+    """
+
+    number: int
+
+    @classmethod
+    def of(cls, frame: LocalFrame, number: int) -> MapFrame:
+        return cls(frame.lat_deg, frame.lon_deg, frame.alt_m, number)
+
+
 def _axes(lat_deg: float, lon_deg: float) -> Floats:
     """Return the unit vectors (rows) east, north, up of a geodetic position, in Earth-centred axes (ECEF)."""
     lat, lon = math.radians(lat_deg), math.radians(lon_deg)

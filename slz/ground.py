@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.adaptive import COARSEST, Adapter, Choice
 from slz.air.seen_air import SeenAir
+from slz.frame import MapFrame
 from slz.grid import Edges
 from slz.landing_point.corridors import Corridors, corridors
-from slz.map_frame import MapFrame
 from slz.prior import Prior
 from slz.surface.surface_map import SurfaceMap
 from slz.terrain.arrivals import Arrivals

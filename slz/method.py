@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.adaptive import Choice
+from slz.frame import MapFrame
 from slz.landing_point.corridors import Corridors
 from slz.landing_point.judgement import SelectedPoint
 from slz.landing_point.watched_ground import WatchedGround
-from slz.map_frame import MapFrame
 from slz.report import MapReport
 from slz.terrain.terrain_view import DisplayedTerrain
 from slz.window import Window

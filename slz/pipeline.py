@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from params import Parameters, rows
 from slz.default_method import DefaultMethod
-from slz.frame import LocalFrame, is_known
+from slz.frame import LocalFrame, MapFrame, is_known
 from slz.grid import Box
 from slz.landing_point.judgement import SelectedPoint, judge_point, unknown
 from slz.landing_point.local_heights import nearby
 from slz.lanes import timed
-from slz.map_frame import MapFrame
 from slz.method import Method, MethodResult, ResolutionMap
 from slz.prior import Source as PriorSource
 from slz.report import MapReport, Report

@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.adaptive import Adapter, Choice
+from slz.frame import MapFrame
 from slz.grid import Grid
 from slz.landing_point.judgement import SelectedPoint, unknown
 from slz.lanes import timed
-from slz.map_frame import MapFrame
 from slz.method import MethodResult, centre_of
 from slz.paper.paper_map import PaperMap
 from slz.paper.window_cells import WindowCells

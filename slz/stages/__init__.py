@@ -10,19 +10,19 @@ from __future__ import annotations
 from params import Parameters
 from slz.ground import Ground
 from slz.lanes import Stage, unmet
-from slz.stages.arrivals import ArrivalStage
-from slz.stages.corridors import CorridorStage
-from slz.stages.evidence import FarEvidence, NearEvidence
-from slz.stages.isolation import Isolation
-from slz.stages.prior import PriorStage
-from slz.stages.raised import Raised
-from slz.stages.range_gate import RangeGate
-from slz.stages.registration import Registration
-from slz.stages.resolution import Resolution
-from slz.stages.seen_air import SeenAirStage
-from slz.stages.surface import SurfaceStage
-from slz.stages.wires import WireStage
-from slz.stages.zones import ZoneStage
+from slz.stages.arrivals_stage import ArrivalStage
+from slz.stages.corridors_stage import CorridorStage
+from slz.stages.evidence_stage import FarEvidence, NearEvidence
+from slz.stages.isolation_stage import Isolation
+from slz.stages.prior_stage import PriorStage
+from slz.stages.raised_stage import Raised
+from slz.stages.range_gate_stage import RangeGate
+from slz.stages.registration_stage import Registration
+from slz.stages.resolution_stage import Resolution
+from slz.stages.seen_air_stage import SeenAirStage
+from slz.stages.surface_stage import SurfaceStage
+from slz.stages.wires_stage import WireStage
+from slz.stages.zones_stage import ZoneStage
 
 BELIEF: tuple[Stage[Parameters], ...] = (RangeGate(), Isolation())
 METHOD: tuple[Stage[Ground], ...] = (

@@ -29,7 +29,7 @@ from slz.terrain.derive import CoveredCells
 from slz.terrain.terrain_maps import UNKNOWN
 from slz.terrain.tiles import SERIALS
 from slz.tile_keys import Key, box_of_tile, keys_over
-from slz.tile_store import TileStore
+from slz.tile_slots import TileStore
 
 FEWEST_TILES, MOST_TILES = 64, 8192  # slots of the first pools
 NO_VERSION = -1  # version of a tile that is not held

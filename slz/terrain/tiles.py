@@ -26,7 +26,7 @@ from slz.kernels.cells.resolution_pyramid import coarse_evidence
 from slz.kernels.points.clutter import ground_and_rays
 from slz.terrain.demand_zero import prefault_range
 from slz.tile_keys import Key, boxes_of_tiles, keys_over, tiles_over
-from slz.tile_store import TileStore
+from slz.tile_slots import TileStore
 
 TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
 LINE_BYTES = 64  # of a cache line; the size of a cell's evidence

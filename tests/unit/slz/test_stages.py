@@ -9,9 +9,9 @@ import pytest
 
 import params
 from slz import LocalFrame, Window
+from slz.frame import MapFrame
 from slz.ground import Ground
 from slz.lanes import BESIDE, MAIN, Lanes, unmet
-from slz.map_frame import MapFrame
 from slz.returns import Flag, Returns
 from slz.stages import BELIEF, GIVEN, METHOD
 

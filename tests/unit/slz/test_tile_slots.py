@@ -7,7 +7,7 @@ import pytest
 
 from slz.grid import Box
 from slz.kernels.cells.cell_record import TILE
-from slz.tile_store import TileStore
+from slz.tile_slots import TileStore
 
 AROUND = Box(-9 * TILE, 9 * TILE, -9 * TILE, 9 * TILE)
 
