@@ -83,7 +83,8 @@ class Adapter:
     def choose(self, window: Window, points_enu_m: NDArray[np.float64]) -> Choice:
         """Return the choice after a window, from its returns in use."""
         points, every = np.ascontiguousarray(points_enu_m), max(1, len(points_enu_m) // SAMPLE_RETURNS)
-        heights_m, ranges_m = heights_and_ranges(points, window.sensor_enu_m, every)
+        sensor = np.asarray(window.sensor_enu_m, np.float64)
+        heights_m, ranges_m = heights_and_ranges(points, sensor, every)
         ground_m = _median(heights_m) if len(heights_m) >= FEWEST_FOR_HEIGHT else math.nan
         height = float(window.sensor_enu_m[2]) - ground_m
         speed = self._speed(window)

@@ -8,7 +8,7 @@ import pytest
 from params import Parameters
 from slz.grid import Box, Grid
 from slz.kernels.raster.distance_transform import least_steep, most_certain
-from slz.terrain.terrain import DERIVED_BLOCK, EvidenceTerrain, _regions
+from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.terrain_maps import UNKNOWN
 from slz.terrain.tiles import TILE_BYTES, Tiles
 from slz.zones.detection import side_in_cells
@@ -71,27 +71,3 @@ def test_of_places_as_near_the_first_is_taken() -> None:
     cells = np.array([[20, 10], [20, 30], [10, 20], [30, 20]])
     assert least_steep(cells, slope, 0, 0, 0.0, 0.0, 1.0, 20.5, 20.5) == 0
     assert least_steep(cells[1:], slope, 0, 0, 0.0, 0.0, 1.0, 20.5, 20.5) == 0
-
-
-@pytest.mark.parametrize(
-    "box",
-    [
-        Box(0, 2 * DERIVED_BLOCK + 10, 5, 40),
-        Box(5, 40, 0, 2 * DERIVED_BLOCK + 10),
-        Box(-DERIVED_BLOCK - 7, DERIVED_BLOCK, -3, DERIVED_BLOCK),
-        Box(3, DERIVED_BLOCK + 3, -DERIVED_BLOCK - 1, 1),
-    ],
-)
-def test_what_is_drawn_at_a_time_covers_every_box_once_and_is_never_too_long(box: Box) -> None:
-    small = Box(box.row0 + 3, box.row0 + 9, box.col0 + 1, box.col0 + 4)
-    beside = Box(box.row1, box.row1 + 5, box.col0, box.col0 + 2)
-    regions = list(_regions([small, box, Box(0, 0, 0, 0), beside]))
-    assert max(max(region.shape) for region in regions) <= DERIVED_BLOCK
-    drawn, around = (
-        np.zeros((4 * DERIVED_BLOCK, 4 * DERIVED_BLOCK), int),
-        Box(-DERIVED_BLOCK - 10, 3 * DERIVED_BLOCK, -DERIVED_BLOCK - 10, 3 * DERIVED_BLOCK),
-    )
-    for region in regions:
-        drawn[region.relative_to(around).slices] += 1
-    assert drawn.max() == 1
-    assert all(drawn[part.relative_to(around).slices].all() for part in (small, box, beside))
