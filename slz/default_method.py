@@ -11,18 +11,18 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.adaptive import Choice
 from slz.frame import MapFrame
-from slz.ground import Ground
 from slz.landing_point.corridors import Corridors
 from slz.landing_point.judgement import SelectedPoint, unknown
 from slz.landing_point.watched_ground import WatchedGround, watched_ground
 from slz.lanes import Lanes
+from slz.map_ground import Ground
 from slz.method import MethodResult, centre_of
 from slz.prior import Prior
 from slz.prior import Source as PriorSource
 from slz.report import MapReport
-from slz.returns import Flag, Returns, is_for_near_map
 from slz.stages import BELIEF, METHOD
 from slz.window import Window
+from slz.window_returns import Flag, Returns, is_for_near_map
 from slz.zones.zone_map import ZoneMap
 
 Points = NDArray[np.float64]

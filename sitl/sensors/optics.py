@@ -1,9 +1,9 @@
-"""Error model of a LiDAR's optics: range and reflectivity limits, noise, false returns."""
+"""Error model of a LiDAR's optics: range and reflectivity limits, noise, false returns, and their truth."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from sitl.array_types import Array2D
 from sitl.compilation import kernel
 from sitl.sensors.particles import Particles
+from sitl.world.hits import DUST, GHOST
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 FAINTEST = 1e-4
@@ -135,3 +137,28 @@ def tilt_at_random(
         tz = z + up * flat
         length = math.sqrt((tx * tx + tz * tz) + ty * ty)
         out[n, 0], out[n, 1], out[n, 2] = tx / length, ty / length, tz / length
+
+
+@dataclass(frozen=True, slots=True)
+class Hits:
+    """What the three ranges of `Echoes` come from, (n,) codes of `sitl.world.hits` each."""
+
+    strongest: I64
+    behind: I64
+    other: I64
+
+    def __getitem__(self, cut: slice) -> Hits:
+        return Hits(*(getattr(self, f.name)[cut] for f in fields(self)))
+
+    def followed_by(self, later: Hits) -> Hits:
+        """Return these hits followed by later ones."""
+        return Hits(*(np.concatenate([getattr(self, f.name), getattr(later, f.name)]) for f in fields(self)))
+
+    def falsified(self, echoes: Echoes) -> Hits:
+        """Return the hits with the false returns among them."""
+        if not (echoes.ghost.any() or echoes.dust.any()):
+            return self
+        strongest, behind, other = (
+            np.where(echoes.ghost, GHOST, hit) for hit in (self.strongest, self.behind, self.other)
+        )
+        return Hits(np.where(echoes.dust, DUST, strongest), behind, np.where(echoes.dust, DUST, other))

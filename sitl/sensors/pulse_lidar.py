@@ -26,12 +26,12 @@ from sitl.sensors.lidar_mount import Mount
 from sitl.sensors.optics import (
     Echoes,
     Flags,
+    Hits,
     Noise,
     Reach,
     tilt,
 )
 from sitl.sensors.pulse_returns import measure, report_several, report_single
-from sitl.sensors.return_hits import Hits
 from sitl.sensors.sensor_clock import Clock
 from sitl.world.beam_edges import edge_echoes
 from sitl.world.hits import NOTHING

@@ -1,15 +1,15 @@
 """Stages of the default method, one file each, in the order in which a window passes them.
 
 `BELIEF` tells which returns of a window to believe, `METHOD` what the ground below them is and where to
-land. What a stage reads and sets are names: of flags of returns (`slz.returns.Flag`) in capitals, of their
-`places`, and of parts of the ground (`slz.ground.Ground`).
+land. What a stage reads and sets are names: of flags of returns (`slz.window_returns.Flag`) in capitals, of
+their `places`, and of parts of the ground (`slz.map_ground.Ground`).
 """
 
 from __future__ import annotations
 
 from params import Parameters
-from slz.ground import Ground
 from slz.lanes import Stage, unmet
+from slz.map_ground import Ground
 from slz.stages.arrivals_stage import ArrivalStage
 from slz.stages.corridors_stage import CorridorStage
 from slz.stages.evidence_stage import FarEvidence, NearEvidence

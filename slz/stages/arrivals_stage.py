@@ -7,11 +7,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.ground import Ground
 from slz.kernels.points.rows import rows_by_scan
 from slz.lanes import MAIN
-from slz.returns import Flag, Points, Returns
+from slz.map_ground import Ground
 from slz.terrain.arrivals import AROUND_M, FEET_M
+from slz.window_returns import Flag, Points, Returns
 
 Flags = NDArray[np.bool_]
 SIDES = np.array(list(product((-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0), (0.0,))))  # of a return, and its own place

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from slz.ground import Ground
 from slz.lanes import BESIDE, MAIN
+from slz.map_ground import Ground
 from slz.points.mapping_reach import reach_m
-from slz.returns import Flag, Points, Returns, Rows, is_for_near_map
+from slz.window_returns import Flag, Points, Returns, Rows, is_for_near_map
 from slz.zones.zone_map import ZoneMap
 
 SHARED = frozenset({"places", "KEPT", "APART", "added", "datum", "surface", "arrivals", "wires"})

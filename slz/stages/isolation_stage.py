@@ -11,7 +11,7 @@ from slz.kernels.points.rows import mark
 from slz.lanes import MAIN
 from slz.points.mapping_reach import reach_m, within
 from slz.points.outliers import CLOUD_GROUP, FLIGHT_GROUP, gap_interval, in_cluster, is_dense_at, not_isolated
-from slz.returns import Flag, Returns
+from slz.window_returns import Flag, Returns
 
 THIN_REACH = 1.2  # of the mapping reach, up to which isolated returns are judged
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from slz.ground import Ground
 from slz.lanes import MAIN
-from slz.returns import Flag, Returns
+from slz.map_ground import Ground
+from slz.window_returns import Flag, Returns
 
 
 class PriorStage:

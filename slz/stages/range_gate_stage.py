@@ -5,7 +5,7 @@ from __future__ import annotations
 from params import Parameters
 from slz.kernels.points.range_gate import mark_usable
 from slz.lanes import MAIN
-from slz.returns import Flag, Returns
+from slz.window_returns import Flag, Returns
 
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
 

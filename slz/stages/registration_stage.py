@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from slz.ground import Ground
 from slz.lanes import MAIN
+from slz.map_ground import Ground
 from slz.points.registration import Offset, offset
 from slz.points.solid_ground import NOTHING, most_spread_m, solid_ground
 from slz.points.sway import sway
-from slz.returns import Flag, Returns
+from slz.window_returns import Flag, Returns
 
 
 class Registration:

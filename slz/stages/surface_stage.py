@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.ground import Ground
 from slz.lanes import BESIDE
-from slz.returns import Flag, Returns, Rows
+from slz.map_ground import Ground
 from slz.surface.surface_map import NO_SIGNAL, Signal
+from slz.window_returns import Flag, Returns, Rows
 
 MOST_INTENSITY = 1000.0  # in parts of a white target; beyond it is no measurement, even of a mirror
 FEWEST_INTENSITIES = 20  # of a window, among which one that never changes is none

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.ground import Ground
 from slz.kernels.points.rows import rows_in_turn
 from slz.lanes import MAIN
-from slz.returns import Flag, Returns
+from slz.map_ground import Ground
+from slz.window_returns import Flag, Returns
 
 ALONE = np.array([Flag.ISOLATED, Flag.DISTANT], np.uint16)
 

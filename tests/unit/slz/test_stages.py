@@ -10,10 +10,10 @@ import pytest
 import params
 from slz import LocalFrame, Window
 from slz.frame import MapFrame
-from slz.ground import Ground
 from slz.lanes import BESIDE, MAIN, Lanes, unmet
-from slz.returns import Flag, Returns
+from slz.map_ground import Ground
 from slz.stages import BELIEF, GIVEN, METHOD
+from slz.window_returns import Flag, Returns
 
 ORDER = [
     ("range_gate", MAIN),
