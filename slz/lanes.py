@@ -58,7 +58,9 @@ class Lanes:
         self._other = ThreadPoolExecutor(1, "slz-second-lane") if threads == 2 else None
 
     def run(self, stages: Sequence[Stage[On]], returns: Any, on: On, ms: dict[str, float]) -> None:
-        """Run stages in their order; add the time that each took to `ms`, or of one beside: was waited for.
+        """Run stages in their order, and add the time that each took to `ms`.
+
+        Of a stage on the second thread it is the time for which the first waited.
 
         Raises
         ------

@@ -98,9 +98,10 @@ class CoveredCells:
 
     @property
     def nearest_unrelated(self) -> int:
-        """Cells to a side from which on the evidence of another cell does not affect one that stays covered.
+        """Distance (cells) from which on a cell's evidence does not affect another of unchanged coverage.
 
-        Its footprint, or the ground that its gear looks for, and beyond them a cell that supports extremes.
+        It is outside the other's footprint and the ground searched by its gear, and supports no extreme
+        there, as a neighbour would.
         """
         ground = 0
         if len(self.gear.contacts_m):

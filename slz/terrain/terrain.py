@@ -74,8 +74,8 @@ class Surface(Protocol):
 class Changes:
     """Finest cells whose evidence changed.
 
-    hit, hits: boxes and bits of a `Change`. points_enu_m: (n, 3) each, in the cells of which something else
-    stands than before. altered: (n, 4) as `hit`, boxes within which anything may have changed.
+    hit, hits: boxes and bits of a `Change`. points_enu_m: (n, 3) each, places where an object drawn over the
+    evidence has appeared or gone. altered: (n, 4) as `hit`, boxes within which anything may have changed.
     """
 
     hit: Boxes = field(default_factory=no_boxes)

@@ -48,7 +48,7 @@ Boxes = NDArray[np.int64]
 
 
 def no_boxes() -> Boxes:
-    """Return none."""
+    """Return no boxes, (0, 4)."""
     return np.empty((0, 4), np.int64)
 
 
