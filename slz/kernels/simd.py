@@ -2,7 +2,8 @@
 
 `load` reads 16 consecutive float32 as one value; +, -, *, /, <, == and the functions below apply lane by
 lane. `load_wide` reads 16 float64. `columns` reads the columns of a 16 x 16 block. `prefetch` loads one
-cache line for writing: 16 float32 if they are aligned. With the compiler off, lanes are NumPy arrays.
+cache line for writing: 16 float32 if they are aligned. With the compiler off, lanes are NumPy arrays. Who
+uses them, and what for: docs/adr/0017-lanes.md.
 """
 
 from __future__ import annotations
@@ -17,8 +18,7 @@ from llvmlite import ir
 from numba import config, types
 from numba.extending import intrinsic, models, overload, register_model
 
-from slz.kernels.argument_types import Array1D
-from slz.kernels.jit import kernel, kernel_for_any_types, kernel_part
+from slz.kernels.jit import kernel_for_any_types
 
 LANES = 16
 FLOAT, DOUBLE, FLAG, INT32 = ir.FloatType(), ir.DoubleType(), ir.IntType(1), ir.IntType(32)
@@ -218,20 +218,3 @@ def minimum(a: Floats, b: Floats) -> Floats:
 def maximum(a: Floats, b: Floats) -> Floats:
     """Return the lane-wise maximum; where either is NaN, the lane of `b`."""
     return where(b < a, a, b)
-
-
-@kernel_part
-def aligned_empty(count: int) -> Array1D[np.float32]:
-    """Return uninitialised float32, aligned to a cache line: lanes that straddle two lines are slower."""
-    whole = np.empty(count + LANES, np.float32)
-    first = -(whole.ctypes.data >> 2) & (LANES - 1)
-    return whole[first : first + count]
-
-
-@kernel
-def below(values: Array1D[np.float32], at: int, limit: np.float32) -> np.uint64:
-    """Return a bit mask of 64 values, from index `at` on: 1 where below the limit; 0 for NaN."""
-    word, most = np.uint64(0), broadcast(limit)
-    for i in range(0, 64, LANES):
-        word |= flags_of(load(values, at + i) < most) << np.uint64(i)
-    return word

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.kernels.cells.cell_record import HEIGHT, WEIGHT
 from slz.kernels.footprint.derive_maps import derive_box
-from slz.kernels.footprint.patch import COLS, inverses, rows_of_patch
+from slz.kernels.footprint.patch import COLS, rows_of_patch
 from slz.kernels.footprint.rest_pose import FARTHEST_RING
 from slz.kernels.raster.bitmap import ALL, Bits
 from slz.kernels.raster.morphology import (
@@ -142,7 +142,7 @@ def derive(
     levels = np.empty((-(-rows // rows_of_patch(reach.radius)), -(-wide // COLS)), np.float32)
     every = np.full((rows + 2 * m, (wide + 2 * m + 63) >> 6), ALL)
     derive_box(
-        cells, inverses(cells), seen.covered, seen.unseen, m, seen.radius, seen.limits,
+        cells, seen.covered, seen.unseen, m, seen.radius, seen.limits,
         seen.gear.contacts_m, seen.gear.limits, (0, rows, 0, wide),
         maps.ravel(), 0, rows * wide, wide, states.ravel(), 0, every, levels,
     )  # fmt: skip

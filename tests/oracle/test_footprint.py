@@ -26,7 +26,7 @@ from slz.kernels.footprint.moments import (
     rises_over_columns,
 )
 from slz.kernels.footprint.patch import COLS as PATCH
-from slz.kernels.footprint.patch import gather_cells, inverses, rows_of_patch
+from slz.kernels.footprint.patch import gather_cells, rows_of_patch
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import ALL, packed
 from slz.kernels.raster.morphology import eroded
@@ -74,7 +74,7 @@ def planes(
     maps, states = np.empty((len(LAYERS), rows, wide), np.float32), np.empty(rows * wide, np.uint8)
     levels = np.empty((rows, wide), np.float32)
     derive_box(
-        about, inverses(about), whole, np.zeros_like(whole), k, k,
+        about, whole, np.zeros_like(whole), k, k,
         (cell_m, NOISE_M, limit, relief_limit, 0.3), NO_GEAR.contacts_m, NO_GEAR.limits,
         (0, rows, 0, wide), maps.ravel(), 0, rows * wide, wide, states, 0, np.full_like(whole, ALL), levels,
     )  # fmt: skip
@@ -307,7 +307,7 @@ def test_sums_over_footprints_are_those_of_their_cells(k: int) -> None:
     cells[[HEIGHT, SPREAD]] = np.where(unknown, np.nan, cells[[HEIGHT, SPREAD]])
     held, sums = np.empty(PATCH_LAYERS * tall * wide, np.float32), np.empty(SUMS * rows * wide, np.float32)
     rises, heights = np.empty(RISES * rows * wide), np.empty((4, LANES))
-    gather_cells(cells.ravel(), inverses(cells), cells.shape[2], 3, 2, tall, wide, level, held)
+    gather_cells(cells.ravel(), cells.shape[2], 3, 2, tall, wide, level, held)
     over_rows(held, rows, k, wide, sums, rises)
     away, got = np.arange(-k, k + 1).astype(np.float32), np.empty((8, LANES), np.float32)
     y, x = np.mgrid[-k : k + 1, -k : k + 1]

@@ -24,13 +24,14 @@ from slz.kernels.cells.cell_record import (
     LOW2,
     MEAN,
     NOISE,
+    RECORD,
     TILE,
     TILE_BITS,
     TIME,
 )
 from slz.kernels.cells.tile_directory import Directory, slot_at
 from slz.kernels.jit import kernel, kernel_part
-from slz.kernels.simd import LANES, load, prefetch, store
+from slz.kernels.simd import prefetch
 
 OUTSIDE_BOX, INT32_MAX = np.int32(-(2**31)), np.int32(2**31 - 1)
 PREFETCH_AHEAD = 24  # points between the prefetch of a cell and its use
@@ -351,9 +352,11 @@ def copy_evidence(
         tr, i = ((row0 + r) >> TILE_BITS) - tile_row, (row0 + r) & (TILE - 1)
         for c in range(cols):
             slot = table[tr, ((col0 + c) >> TILE_BITS) - tile_col]
-            first = ((slot * TILE + i) * TILE + ((col0 + c) & (TILE - 1))) * LANES
+            first = ((slot * TILE + i) * TILE + ((col0 + c) & (TILE - 1))) * RECORD
             if slot >= 0 and flat[first + COUNT] > 0:
-                store(into, (r * cols + c) * LANES, load(flat, first))
+                to = (r * cols + c) * RECORD
+                for k in range(np.uint64(RECORD)):
+                    into[np.uint64(to) + k] = flat[np.uint64(first) + k]
 
 
 @kernel_part

@@ -5,6 +5,7 @@ import numpy as np
 # Fields of each of a cell's two epochs, see `slz.terrain.terrain`; both together fill the 16 lanes.
 COUNT, MEAN, NOISE, LOW, LOW2, HIGH, HIGH2, TIME = range(8)
 FIELDS = 8
+RECORD = 2 * FIELDS  # numbers in a cell's evidence
 TILE_BITS = 6
 TILE = 1 << TILE_BITS  # cells along the side of a tile
 

@@ -18,6 +18,7 @@ from slz.kernels.cells.cell_record import (
     LOW2,
     MEAN,
     NOISE,
+    RECORD,
     SPREAD,
     SUMMARY_LAYERS,
     TILE,
@@ -31,7 +32,6 @@ from slz.kernels.raster.bitmap import NONE
 from slz.kernels.simd import (
     LANES,
     Floats,
-    aligned_empty,
     broadcast,
     columns,
     flags_of,
@@ -39,7 +39,6 @@ from slz.kernels.simd import (
     logical_and,
     maximum,
     minimum,
-    prefetch,
     store,
     where,
 )
@@ -56,7 +55,6 @@ COUNTED, ROW_MAX, ROW_MAX2, ROW_MIN, ROW_MIN2, UP, DOWN = range(7)
 EPOCH = 7
 MEAN_HEIGHT, MEAN_NOISE = 2 * EPOCH, 2 * EPOCH + 1
 ROW_LAYERS = 2 * EPOCH + 2
-RECORD = 2 * FIELDS  # numbers in a cell's evidence
 
 F0, F1, NAN = np.float32(0), np.float32(1), np.float32(np.nan)
 HIGHEST, LOWEST = np.float32(np.inf), np.float32(-np.inf)
@@ -139,16 +137,10 @@ def _read_row(
     at: int,
     width: int,
 ) -> None:
-    """Write the evidence of a row, from cell `first` of its first stretch on, in whole lanes.
-
-    The cells of the next row are prefetched meanwhile, because they are at least a page away.
-    """
+    """Write the evidence of a row, from cell `first` of its first stretch on, in whole lanes."""
     for c in range(first, first + count, LANES):
         stretch, there = c // TILE, RECORD * (c % TILE)
-        place, ahead = places[r, stretch], places[min(r + 1, len(places) - 1), stretch]
-        if ahead >= 0:
-            for k in range(LANES):
-                prefetch(records, RECORD * (ahead + k) + there)
+        place = places[r, stretch]
         if place < 0:
             _store_empty(held, at + c - first, width)
         else:
@@ -264,11 +256,8 @@ def summarise(
     # With lanes to the west and to the east in which nothing was seen.
     width = -(-(before + cols) // LANES) * LANES + 2 * LANES
     line, size, west = ROW_LAYERS * width, rows * cols, first - before
-    held, row, whole = (
-        aligned_empty(3 * line),
-        aligned_empty(SUMMARY_LAYERS * LANES),
-        np.empty(SUMMARY_LAYERS * size, np.float32),
-    )
+    held, row = np.empty(3 * line, np.float32), np.empty(SUMMARY_LAYERS * LANES, np.float32)
+    whole = np.empty(SUMMARY_LAYERS * size, np.float32)
     for c in range(0, width, LANES):
         for r in range(3):
             _store_empty(held, r * line + c, width)

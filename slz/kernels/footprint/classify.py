@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Float32
+from slz.kernels.cells.cell_record import IS_UNKNOWN
 from slz.kernels.footprint.certainty import certainty, undoubted
 from slz.kernels.footprint.plane_fit import INNER, NOISE2, RELIEF, RMS, SHARE, SIGMA, SIGMAS, SLOPE
 from slz.kernels.jit import kernel, kernel_part
@@ -99,7 +100,9 @@ def certainty_of_doubtful(
 @kernel_part
 def leave_unknown(maps: Row, to: int, layer: int, states: Array1D[np.uint8], place: int) -> None:
     """Write 16 cells of the maps, from the slope on, as unknown, see `classify`."""
-    for q in range(A_SLOPE, A_CERTAINTY):
-        store(maps, q * layer + to, broadcast(NAN))
-    store(maps, A_CERTAINTY * layer + to, broadcast(F0))
-    store_bytes(states, place, flags(NONE), flags(LOW16))
+    for q in range(A_SLOPE, A_CERTAINTY + 1):
+        first, value = np.uint64(q * layer + to), NAN if q < A_CERTAINTY else F0
+        for i in range(np.uint64(LANES)):
+            maps[first + i] = value
+    for i in range(np.uint64(LANES)):
+        states[np.uint64(place) + i] = IS_UNKNOWN

@@ -21,7 +21,6 @@ from slz.kernels.footprint.patch import (
     COLS,
     MOST_SAMPLED,
     gather_cells,
-    inverses,
     middle_height,
     rows_of_patch,
 )
@@ -29,7 +28,7 @@ from slz.kernels.footprint.plane_fit import PLANE, PLANE_STATISTICS, add_inner_r
 from slz.kernels.footprint.rest_pose import Contacts, GearLimits, refuse_without_heading, scratch_for
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import ALL, NONE, Bits, word_at
-from slz.kernels.simd import LANES, aligned_empty, load, store
+from slz.kernels.simd import LANES, load, store
 
 LOW16, LOW32 = np.uint64(0xFFFF), np.uint64(0xFFFFFFFF)
 Row = Array1D[np.float32]
@@ -40,7 +39,6 @@ Limits = tuple[Float32, Float32, Float32, Float32, Float32]
 @kernel
 def derive_box(
     cells: Array3D[np.float32],
-    inverse: Row,
     covered: Bits,
     unseen: Bits,
     edge: int,
@@ -64,8 +62,8 @@ def derive_box(
 
     Parameters
     ----------
-    cells, inverse
-        (6, rows, cols) of `summarise`, and their `inverses`.
+    cells
+        (6, rows, cols) of `summarise`.
     covered, unseen
         Bitmaps of the cells: footprint wholly covered by seen cells; footprint holds unseen ground.
     edge, radius
@@ -90,20 +88,15 @@ def derive_box(
     quarters = hazard_quarters(cell_m, hazard_m)
     k, high, cols, flat = radius, rows_of_patch(radius), cells.shape[2], cells.ravel()
     tall, wide, rows = high + 2 * k, -(-(COLS + 2 * k) // LANES) * LANES, cells.shape[1]
-    held, sums, away = (
-        aligned_empty(PATCH_LAYERS * tall * wide),
-        aligned_empty(SUMS * high * wide),
-        np.empty(2 * k + 1, np.float32),
-    )
-    rises = aligned_empty(2 * RISES * high * wide).view(np.float64)
+    held, sums = np.empty(PATCH_LAYERS * tall * wide, np.float32), np.empty(SUMS * high * wide, np.float32)
+    rises, away = np.empty(RISES * high * wide), np.arange(-k, k + 1).astype(np.float32)
     lower, upper = held[LOWER * tall * wide : UPPER * tall * wide], held[UPPER * tall * wide :]
     rise, scratch = held[RISE * tall * wide : INVERSE * tall * wide], scratch_for(contacts)
-    statistics, plane = aligned_empty(high * PLANE_STATISTICS * LANES), aligned_empty(high * PLANE * LANES)
-    some, own, found = np.empty(high, np.uint64), np.empty(high, np.uint64), aligned_empty(MOST_SAMPLED)
-    todo, now, n, changed = np.empty(high, np.uint64), np.empty(high, np.uint64), 0, 0
+    statistics = np.empty(high * PLANE_STATISTICS * LANES, np.float32)
+    plane, found = np.empty(high * PLANE * LANES, np.float32), np.empty(MOST_SAMPLED, np.float32)
+    marks, n, changed = np.empty((4, high), np.uint64), 0, 0
+    some, own, todo, now = marks[0], marks[1], marks[2], marks[3]
     before = np.empty(LANES, np.float32), np.empty(LANES, np.uint8)
-    for i in range(2 * k + 1):
-        away[i] = i - k
     for r in range(row0, row1, high):
         for c in range(col0, col1, COLS):
             any_, count, level, asked = NONE, min(high, row1 - r), np.float32(0), NONE
@@ -123,7 +116,7 @@ def derive_box(
             if level != levels[patch]:
                 todo[:count], asked, levels[patch] = LOW32, LOW32, level
             if any_ != NONE:
-                gather_cells(flat, inverse, cols, edge - k + r, edge - k + c, tall, wide, level, held)
+                gather_cells(flat, cols, edge - k + r, edge - k + c, tall, wide, level, held)
                 over_rows(held, high, k, wide, sums, rises)
             for g in range(0, min(COLS, col1 - c), LANES):
                 shift, fits = np.uint64(g), False
@@ -214,7 +207,7 @@ def derive_tiles(
     """
     n, changed, high = 0, 0, rows_of_patch(radius)
     rows, cols = cells.shape[1] - 2 * edge, cells.shape[2] - 2 * edge
-    inverse, maps, flat_states, size = inverses(cells), pool.ravel(), states.ravel(), TILE * TILE
+    maps, flat_states, size = pool.ravel(), states.ravel(), TILE * TILE
     for tr in range(table.shape[0]):
         south = (((row0 >> TILE_BITS) + tr) << TILE_BITS) - row0
         for tc in range(table.shape[1]):
@@ -224,7 +217,7 @@ def derive_tiles(
             box = max(0, south), min(rows, south + TILE), max(0, west), min(cols, west + TILE)
             at = (box[0] - south) * TILE + box[2] - west
             derived = derive_box(
-                cells, inverse, covered, unseen, edge, radius, limits, contacts, gear, box,
+                cells, covered, unseen, edge, radius, limits, contacts, gear, box,
                 maps, slot * pool.shape[1] * size + at, size, TILE, flat_states, slot * size + at, dirty,
                 levels[slot][(box[0] - south) // high :, (box[2] - west) // COLS :],
             )  # fmt: skip

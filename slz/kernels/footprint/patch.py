@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array3D
-from slz.kernels.cells.cell_record import BOTTOM, EXCESS, HEIGHT, SPREAD, TOP, WEIGHT
+from slz.kernels.cells.cell_record import BOTTOM, EXCESS, HEIGHT, SPREAD, SUMMARY_LAYERS, TOP, WEIGHT
 from slz.kernels.footprint.moments import INVERSE, KNOWN, LOWER, RETURN_NOISE, RISE, UPPER
 from slz.kernels.jit import kernel, kernel_part
-from slz.kernels.simd import LANES, broadcast, load, store, where
 
 MOST_ROWS, COLS = 16, 32  # footprints of a patch
 SAMPLED_ROWS = 5  # rows and columns of a patch sampled for its median height, about
@@ -27,16 +26,6 @@ def rows_of_patch(radius: int) -> int:
     while 2 * rows <= min(MOST_ROWS, 2 * radius + 1):
         rows *= 2
     return rows
-
-
-@kernel
-def inverses(cells: Layers) -> Row:
-    """Return 1 / number of returns of every cell, 0 where there is none."""
-    weight = cells[WEIGHT].ravel()
-    out = np.empty(len(weight), np.float32)
-    for i in range(np.uint64(len(weight))):
-        out[i] = F1 / weight[i] if weight[i] > F0 else F0
-    return out
 
 
 @kernel_part
@@ -65,57 +54,36 @@ def middle_height(cells: Layers, row: int, col: int, rows: int, cols: int, found
 
 
 @kernel_part
-def _gather_some_cells(
-    cells: Row, inverse: Row, at: int, count: int, level: np.float32, held: Row, to: int, size: int
-) -> None:
-    """Write 16 cells, unknown from number `count` on, see `gather_cells`."""
-    layer = len(inverse)
-    for i in range(LANES):
-        here = i < count and at + i < layer
-        known = here and cells[WEIGHT * layer + at + i] > F0
-        held[KNOWN * size + to + i] = F1 if known else F0
-        held[RISE * size + to + i] = cells[HEIGHT * layer + at + i] - level if known else F0
-        held[INVERSE * size + to + i] = inverse[at + i] if known else F0
-        held[RETURN_NOISE * size + to + i] = cells[SPREAD * layer + at + i] if known else F0
-        excess = cells[EXCESS * layer + at + i] if known else F0
-        held[LOWER * size + to + i] = cells[BOTTOM * layer + at + i] - level + excess if known else HIGHEST
-        held[UPPER * size + to + i] = cells[TOP * layer + at + i] - level - excess if known else LOWEST
-
-
-@kernel_part
 def gather_cells(
-    cells: Row,
-    inverse: Row,
-    cols: int,
-    row: int,
-    col: int,
-    tall: int,
-    wide: int,
-    level: np.float32,
-    held: Row,
+    cells: Row, cols: int, row: int, col: int, tall: int, wide: int, level: np.float32, held: Row
 ) -> None:
     """Write `tall` rows of `wide` cells from (row, col) on as layers of `slz.kernels.footprint.moments`.
 
-    Parameters
-    ----------
-    cells, inverse
-        (6, rows, cols) of `summarise` and their `inverses`, both flat. Cells outside are unknown.
-    cols
-        Columns of `cells`.
+    cells: (6, rows, cols) of `summarise`, flat; those outside are unknown. There is a loop for each layer,
+    which the compiler vectorises, as it does not one of all.
     """
-    layer, size = len(inverse), tall * wide
-    zero, over = broadcast(F0), broadcast(level)
-    for i in range(tall):
-        for c in range(0, wide, LANES):
-            to, at = i * wide + c, (row + i) * cols + col + c
-            if at + LANES > layer or col + c + LANES > cols:
-                _gather_some_cells(cells, inverse, at, cols - col - c, level, held, to, size)
-                continue
-            known, excess = zero < load(cells, WEIGHT * layer + at), load(cells, EXCESS * layer + at)
-            bottom, top = load(cells, BOTTOM * layer + at), load(cells, TOP * layer + at)
-            store(held, KNOWN * size + to, where(known, broadcast(F1), zero))
-            store(held, RISE * size + to, where(known, load(cells, HEIGHT * layer + at) - over, zero))
-            store(held, INVERSE * size + to, load(inverse, at))
-            store(held, RETURN_NOISE * size + to, where(known, load(cells, SPREAD * layer + at), zero))
-            store(held, LOWER * size + to, where(known, (bottom - over) + excess, broadcast(HIGHEST)))
-            store(held, UPPER * size + to, where(known, (top - over) - excess, broadcast(LOWEST)))
+    size, layer, n = tall * wide, len(cells) // SUMMARY_LAYERS, np.uint64(min(wide, cols - col))
+    if col + wide > cols or row + tall > layer // cols:
+        held[: LOWER * size], held[LOWER * size : UPPER * size], held[UPPER * size :] = F0, HIGHEST, LOWEST
+    for i in range(min(tall, layer // cols - row)):
+        at, to = (row + i) * cols + col, i * wide
+        weight, excess = np.uint64(WEIGHT * layer + at), np.uint64(EXCESS * layer + at)
+        known, inverse = np.uint64(KNOWN * size + to), np.uint64(INVERSE * size + to)
+        for k in range(n):
+            held[known + k] = F1 if cells[weight + k] > F0 else F0
+        for k in range(n):
+            held[inverse + k] = F1 / cells[weight + k] if cells[weight + k] > F0 else F0
+        height, rise = np.uint64(HEIGHT * layer + at), np.uint64(RISE * size + to)
+        for k in range(n):
+            held[rise + k] = cells[height + k] - level if cells[weight + k] > F0 else F0
+        spread, noise = np.uint64(SPREAD * layer + at), np.uint64(RETURN_NOISE * size + to)
+        for k in range(n):
+            held[noise + k] = cells[spread + k] if cells[weight + k] > F0 else F0
+        bottom, low = np.uint64(BOTTOM * layer + at), np.uint64(LOWER * size + to)
+        for k in range(n):
+            height_m = cells[bottom + k] - level + cells[excess + k]
+            held[low + k] = height_m if cells[weight + k] > F0 else HIGHEST
+        top, high = np.uint64(TOP * layer + at), np.uint64(UPPER * size + to)
+        for k in range(n):
+            height_m = cells[top + k] - level - cells[excess + k]
+            held[high + k] = height_m if cells[weight + k] > F0 else LOWEST

@@ -12,9 +12,10 @@ from slz.kernels.arctangent import arctangent
 from slz.kernels.argument_types import Array1D, Array2D, Array3D
 from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits
-from slz.kernels.simd import LANES, below, broadcast, load, logical_and, sqrt, store, where
+from slz.kernels.simd import LANES, broadcast, load, sqrt, store, where
 
 Row = Array1D[np.float32]
+Word = Array1D[np.uint64]
 Rows = Array2D[np.float32]
 Map = Array3D[np.float32]
 
@@ -27,6 +28,15 @@ OLD = -1  # value in `blocks`: to be recomputed
 STRIP = 16  # rows of 64 float32 cells of a map: one page of memory
 RING = 20  # rows of the ring buffer: a strip, and at least one row to the south and two to the north
 TWO_52, TWO_52_BITS = 2.0**52, np.uint64(0x4330000000000000)
+
+
+@kernel_part
+def _mask_below(values: Row, at: int, limit: np.float32) -> np.uint64:
+    """Return a bit mask of 64 values, from index `at` on: 1 where below the limit; 0 for NaN."""
+    word = NONE
+    for k in range(np.uint64(WORD)):
+        word |= np.uint64(values[np.uint64(at) + k] < limit) << k
+    return word
 
 
 @kernel_part
@@ -77,17 +87,9 @@ def _with_all_neighbours(held: Bits, south: int, here: int, north: int, out: Bit
         out[here, w] = row & east & west & held[south, w] & held[north, w]
 
 
-@kernel
-def _slopes(
-    values: Row,
-    south: int,
-    here: int,
-    north: int,
-    cells: int,
-    wanted: Bits,
-    line: int,
-    k: np.float32,
-    out: Row,
+@kernel_part
+def _row_slopes(
+    values: Row, south: int, here: int, north: int, cells: int, wanted: Word, k: np.float32, out: Row
 ) -> None:
     """Write the slopes of a row, NaN where the cell is NaN.
 
@@ -102,7 +104,7 @@ def _slopes(
     scale, degrees, nothing = broadcast(k), broadcast(DEGREES), broadcast(NAN)
     for i in range(0, cells, LANES):
         at = here + i
-        if (wanted[line, (i >> 6) + 1] >> np.uint64(i & 63)) & LANE_MASK == NONE:
+        if (wanted[(i >> 6) + 1] >> np.uint64(i & 63)) & LANE_MASK == NONE:
             store(out, at, nothing)
             continue
         mid = load(values, at)
@@ -117,7 +119,6 @@ def _fuse_word(
     height: Row,
     slope: Row,
     at: int,
-    sloped: np.uint64,
     worst: np.float32,
     greatest: bool,
     total_height: Row,
@@ -130,20 +131,16 @@ def _fuse_word(
     final choice instead, the compiler would emit masked stores, which some processors do one number at a
     time.
     """
-    half, most = broadcast(HALF), broadcast(worst)
-    for i in range(0, WORD, LANES):
-        if (sloped >> np.uint64(i)) & LANE_MASK == NONE:
-            continue
-        h, s = load(height, at + i), load(slope, at + i)
-        old_h, old_s = load(total_height, to + i), load(total_slope, to + i)
-        write, held = s < most, old_s < most
-        h, s = where(write, h, old_h), where(write, s, old_s)
+    for k in range(np.uint64(WORD)):
+        i, j = np.uint64(at) + k, np.uint64(to) + k
+        old_h, old_s, h, s = total_height[j], total_slope[j], height[i], slope[i]
+        h, s = h if s < worst else old_h, s if s < worst else old_s
         if greatest:
-            joint_h, joint_s = where(old_h < h, h, old_h), where(old_s < s, s, old_s)
+            joint_h, joint_s = h if old_h < h else old_h, s if old_s < s else old_s
         else:
-            joint_h, joint_s = half * (old_h + h), half * (old_s + s)
-        store(total_slope, to + i, where(held, joint_s, s))
-        store(total_height, to + i, where(held, joint_h, h))
+            joint_h, joint_s = HALF * (old_h + h), HALF * (old_s + s)
+        total_slope[j] = joint_s if old_s < worst else s
+        total_height[j] = joint_h if old_s < worst else h
 
 
 @kernel_part
@@ -151,21 +148,18 @@ def _fuse_roughness(
     rough: Row,
     slope: Row,
     at: int,
-    roughened: np.uint64,
     worst: np.float32,
     greatest: bool,
     total_rough: Row,
     to: int,
 ) -> None:
     """Fuse the roughness of a word, known in fewer cells than the slope; unknown is the worst case."""
-    half, most = broadcast(HALF), broadcast(worst)
-    for i in range(0, WORD, LANES):
-        if (roughened >> np.uint64(i)) & LANE_MASK == NONE:
-            continue
-        q, s, old = load(rough, at + i), load(slope, at + i), load(total_rough, to + i)
-        q = where(logical_and(s < most, q == q), q, old)
-        joint = where(old < q, q, old) if greatest else half * (old + q)
-        store(total_rough, to + i, where(old == most, q, joint))
+    for k in range(np.uint64(WORD)):
+        i, j = np.uint64(at) + k, np.uint64(to) + k
+        q, old = rough[i], total_rough[j]
+        q = q if (slope[i] < worst) & (q == q) else old
+        joint = (q if old < q else old) if greatest else HALF * (old + q)
+        total_rough[j] = q if old == worst else joint
 
 
 @kernel_part
@@ -212,8 +206,7 @@ def _fuse_strip(
         c = word0 + w
         for j in range(start, stop):
             r, line = row0 + j, j % RING
-            some, more = sloped[line, w + 1], roughened[line, w + 1]
-            if some == NONE:
+            if sloped[line, w + 1] == NONE:
                 continue
             at, to = line * cells + WORD * w + 1, (c * rows + r) * WORD
             if not begun[r, c]:
@@ -221,11 +214,11 @@ def _fuse_strip(
                 total_h[to : to + WORD] = NAN
                 total_s[to : to + WORD] = worst
                 total_r[to : to + WORD] = worst
-            _fuse_word(window_h, window_s, at, some, worst, greatest, total_h, total_s, to)
-            if more != NONE:
-                _fuse_roughness(window_r, window_s, at, more, worst, greatest, total_r, to)
-            known[r, c] |= below(window_s, at, worst)
-            word = below(total_s, to, safe_slope) & _off_margin(rows, cols, r, c)
+            _fuse_word(window_h, window_s, at, worst, greatest, total_h, total_s, to)
+            if roughened[line, w + 1] != NONE:
+                _fuse_roughness(window_r, window_s, at, worst, greatest, total_r, to)
+            known[r, c] |= _mask_below(window_s, at, worst)
+            word = _mask_below(total_s, to, safe_slope) & _off_margin(rows, cols, r, c)
             blocks[r, c, 0] = OLD
             if word != safe[r, c]:
                 safe[r, c] = word
@@ -312,11 +305,11 @@ def fuse(
                 heights[new, a + 1 : b + 1],
             )
             for w in range(words):
-                hit[new, w + 1] = below(flat, new * line + WORD * w + 1, INFINITE)
+                hit[new, w + 1] = _mask_below(flat, new * line + WORD * w + 1, INFINITE)
         if 0 < i - 1 < rows - 1:
             _with_all_neighbours(hit, south, here, north, sloped)
-            _slopes(
-                flat, south * line + 1, here * line + 1, north * line + 1, width, sloped, here, k, flat_slopes
+            _row_slopes(
+                flat, south * line + 1, here * line + 1, north * line + 1, width, sloped[here], k, flat_slopes
             )
         else:
             sloped[here, :] = NONE
@@ -325,17 +318,10 @@ def fuse(
             continue
         south, here, north = (j - 1) % RING, j % RING, (j + 1) % RING
         _with_all_neighbours(sloped, south, here, north, roughened)
-        _slopes(
-            flat_slopes,
-            south * line + 1,
-            here * line + 1,
-            north * line + 1,
-            width,
-            roughened,
-            here,
-            k,
+        _row_slopes(
+            flat_slopes, south * line + 1, here * line + 1, north * line + 1, width, roughened[here], k,
             flat_roughs,
-        )
+        )  # fmt: skip
         if j == rows - 2 or (row0 + j) % STRIP == STRIP - 1:
             _fuse_strip(
                 heights, slopes, roughs, sloped, roughened, start, j + 1, row0, word0, cols, worst,
@@ -366,6 +352,6 @@ def refresh(
     for w in range(word0, word1):
         for r in range(row0, row1):
             at = (w * rows + r) * WORD
-            safe[r, w] = below(flat_slope, at, safe_slope) & _off_margin(rows, cols, r, w)
-            known[r, w] = below(flat_height, at, INFINITE)
+            safe[r, w] = _mask_below(flat_slope, at, safe_slope) & _off_margin(rows, cols, r, w)
+            known[r, w] = _mask_below(flat_height, at, INFINITE)
             blocks[r, w, 0] = OLD

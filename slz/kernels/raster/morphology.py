@@ -7,7 +7,7 @@ import numpy as np
 from slz.kernels.argument_types import Array1D, Array2D, Float32
 from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits
-from slz.kernels.simd import LANES, broadcast, flags_of, load, store, where
+from slz.kernels.simd import LANES, broadcast, load, store, where
 
 Row = Array1D[np.float32]
 Word = Array1D[np.uint64]
@@ -119,32 +119,25 @@ def above(values: Array2D[np.float32], limit: np.float32) -> Bits:
     rows, cols = values.shape
     out = np.zeros((rows, (cols + 63) >> 6), np.uint64)
     for r in range(rows):
-        line = values[r]
-        for w in range(cols >> 6):
-            word = NONE
-            for k in range(0, 64, LANES):
-                word |= flags_of(broadcast(limit) < load(line, 64 * w + k)) << np.uint64(k)
+        for w in range(out.shape[1]):
+            line, word = values[r, 64 * w : min(64 * w + 64, cols)], NONE
+            for k in range(np.uint64(len(line))):
+                word |= np.uint64(line[k] > limit) << k
             out[r, w] = word
-        for c in range(cols & ~63, cols):
-            out[r, -1] |= np.uint64(line[c] > limit) << np.uint64(c & 63)
     return out
 
 
 @kernel
 def exceeds(values: Array2D[np.float32], others: Array2D[np.float32], by: Float32) -> Bits:
-    """Return the cells whose value exceeds the other value by more than a limit; NaN does not.
-
-    Rows of the other values are padded to whole lanes.
-    """
+    """Return the cells whose value exceeds the other value by more than a limit; NaN does not."""
     rows, cols = values.shape
-    out, wide = np.zeros((rows, (cols + 63) >> 6), np.uint64), others.shape[1]
-    own, flat, step = values.ravel(), others.ravel(), broadcast(np.float32(by))
+    out = np.zeros((rows, (cols + 63) >> 6), np.uint64)
     for r in range(rows):
-        for c in range(0, cols - LANES + 1, LANES):
-            word = flags_of(step < load(own, r * cols + c) - load(flat, r * wide + c))
-            out[r, c >> 6] |= word << np.uint64(c & 63)
-        for c in range(cols - cols % LANES, cols):
-            out[r, c >> 6] |= np.uint64(values[r, c] - others[r, c] > np.float32(by)) << np.uint64(c & 63)
+        for w in range(out.shape[1]):
+            line, other, word = values[r, 64 * w : min(64 * w + 64, cols)], others[r, 64 * w :], NONE
+            for k in range(np.uint64(len(line))):
+                word |= np.uint64(line[k] - other[k] > by) << k
+            out[r, w] = word
     return out
 
 

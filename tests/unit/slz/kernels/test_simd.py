@@ -10,8 +10,6 @@ from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.jit import kernel
 from slz.kernels.simd import (
     LANES,
-    aligned_empty,
-    below,
     broadcast,
     broadcast_wide,
     columns,
@@ -88,12 +86,6 @@ def test_wide_lanes_and_bytes_are_what_numpy_makes_of_them(at: int) -> None:
     assert (np.delete(states, range(at, at + LANES)) == 7).all()
 
 
-@pytest.mark.parametrize("count", [1, 16, 1000])
-def test_room_begins_with_a_line_of_the_cache(count: int) -> None:
-    arrays = [aligned_empty(count) for _ in range(9)]
-    assert all(len(each) == count and each.ctypes.data % 64 == 0 for each in arrays)
-
-
 def bits_of(flags: NDArray[np.bool_]) -> int:
     return sum(1 << i for i in np.flatnonzero(flags).tolist())
 
@@ -125,15 +117,6 @@ def test_a_product_is_rounded_before_the_sum_or_with_it() -> None:
     multiplied_and_added(a, b, c, out)
     at_once, one_by_one = exact.astype(np.float32), a * b + c
     assert ((out == at_once) | (out == one_by_one)).all()
-
-
-@pytest.mark.parametrize("at", [0, 5, 64, 135])
-def test_bits_of_what_is_below_a_limit_leave_out_what_is_no_number(at: int) -> None:
-    values = np.random.default_rng(3).random(200).astype(np.float32)
-    values[::7] = np.nan
-    values[1::13] = 0.5
-    limit = np.float32(0.5)
-    assert int(below(values, at, limit)) == bits_of(values[at : at + 64] < limit)
 
 
 @kernel
