@@ -8,16 +8,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.grid import Box, common
+from slz.grid import Box
 from slz.kernels.cells.cell_record import TILE
 from slz.kernels.cells.tile_boxes import (
-    any_in_box,
     copy_bits,
     copy_cells,
     copy_layer,
     put_bits,
     put_layers,
     set_bits,
+    tiles_with_bits,
 )
 from slz.kernels.cells.tile_directory import Directory
 from slz.kernels.footprint.derive_maps import add_altered, derive_tiles
@@ -28,7 +28,7 @@ from slz.terrain.demand_zero import demand_zeros, prefault_range
 from slz.terrain.derive import CoveredCells
 from slz.terrain.terrain_maps import UNKNOWN
 from slz.terrain.tiles import SERIALS
-from slz.tile_keys import Key, box_of_tile, keys_over
+from slz.tile_keys import Key, keys_over
 from slz.tile_slots import TileStore
 
 FEWEST_TILES, MOST_TILES = 64, 8192  # slots of the first pools
@@ -109,7 +109,8 @@ class TiledLayers:
         dirty = dilated(changed | (seen.known ^ self._bits(around, KNOWN)), near, around.shape[1])
         add_altered(seen.covered, self._bits(box, COVERED), edge, False, dirty)
         add_altered(seen.unseen, self._bits(box, CLEAR), edge, True, dirty)
-        keys = [key for key in keys_over(box) if any_in_box(dirty, *_there(key, box, edge))]
+        changed_tiles = tiles_with_bits(dirty, edge, box.row0, box.row1, box.col0, box.col1)
+        keys = [(row, col) for row, col in changed_tiles.tolist()]
         table, pools = self._opened(keys, box), self._pools
         n, n_changed = derive_tiles(
             seen.cells, seen.covered, seen.unseen, edge, seen.radius, seen.limits, seen.gear.contacts_m,
@@ -220,9 +221,3 @@ class TiledLayers:
             getattr(pools, name)[:held] = getattr(self._pools, name)
         self._pools = pools
         self._versions = np.concatenate([self._versions, np.full(store.capacity - held, NO_VERSION)])
-
-
-def _there(key: Key, box: Box, edge: int) -> tuple[int, int, int, int]:
-    """Return row0, row1, col0, col1 of a tile in a bitmap of a box with a margin."""
-    own = common(box_of_tile(key), box).relative_to(box).shifted(edge, edge)
-    return own.row0, own.row1, own.col0, own.col1

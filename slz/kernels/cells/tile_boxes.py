@@ -280,11 +280,32 @@ def regions(boxes: Array2D[np.int64], level: int, margin: int, high: int, most: 
     return out[:found].copy()
 
 
-@kernel
-def any_in_box(bits: Bits, row0: int, row1: int, col0: int, col1: int) -> bool:
+@kernel_part
+def _any_in_box(bits: Bits, row0: int, row1: int, col0: int, col1: int) -> bool:
     """Return whether a bit of a box of cells is set."""
     for r in range(row0, row1):
         for c in range(col0, col1, 64):
             if word_at(bits, r, c) & word_mask(0, col1 - c) != NONE:
                 return True
     return False
+
+
+@kernel
+def tiles_with_bits(bits: Bits, edge: int, row0: int, row1: int, col0: int, col1: int) -> Array2D[np.int64]:
+    """Return rows and columns (n, 2) of the tiles that have a bit set in a box, row by row.
+
+    Parameters
+    ----------
+    bits, edge
+        Bitmap of the box with a margin, which is left out.
+    """
+    found, n = np.empty((((row1 - row0) // TILE + 2) * ((col1 - col0) // TILE + 2), 2), np.int64), 0
+    down, right = edge - row0, edge - col0
+    for tr in range(row0 >> TILE_BITS, (row1 - 1 >> TILE_BITS) + 1):
+        south, north = max(row0, tr << TILE_BITS), min(row1, (tr + 1) << TILE_BITS)
+        for tc in range(col0 >> TILE_BITS, (col1 - 1 >> TILE_BITS) + 1):
+            west, east = max(col0, tc << TILE_BITS), min(col1, (tc + 1) << TILE_BITS)
+            if _any_in_box(bits, south + down, north + down, west + right, east + right):
+                found[n, 0], found[n, 1] = tr, tc
+                n += 1
+    return found[:n].copy()

@@ -7,7 +7,6 @@ import pytest
 
 from slz.kernels.cells.cell_record import TILE
 from slz.kernels.cells.tile_boxes import (
-    any_in_box,
     blocks_around,
     copy_bits,
     or_boxes,
@@ -15,6 +14,7 @@ from slz.kernels.cells.tile_boxes import (
     or_points,
     put_bits,
     regions,
+    tiles_with_bits,
 )
 from slz.kernels.raster.bitmap import packed, unpacked
 
@@ -69,8 +69,19 @@ def test_a_box_is_set_and_found(box: tuple[int, int, int, int]) -> None:
     wanted = np.zeros((30, 192), bool)
     wanted[max(0, row0) : max(0, row1), max(0, col0) : max(0, col1)] = True
     assert np.array_equal(dense(out, 192), wanted)
-    assert any_in_box(out, 0, 30, 0, 192) == wanted.any()
-    assert any_in_box(out, 5, 9, 65, 70) == wanted[5:9, 65:70].any()
+
+
+@pytest.mark.parametrize(("row0", "col0", "edge"), [(0, 0, 0), (-70, -3, 2), (60, 63, 1), (-64, 128, 3)])
+def test_tiles_with_a_bit_in_a_box_are_found_row_by_row(row0: int, col0: int, edge: int) -> None:
+    rng = np.random.default_rng(row0 + 100)
+    cells = rng.random((150 + 2 * edge, 190 + 2 * edge)) < 2e-4
+    cells[: edge + 1, : edge + 1] = True  # of the margin, and the box's corner
+    wanted = {
+        ((r + row0) // TILE, (c + col0) // TILE)
+        for r, c in np.argwhere(cells[edge : edge + 150, edge : edge + 190])
+    }
+    found = tiles_with_bits(packed(cells.astype(np.uint8)), edge, row0, row0 + 150, col0, col0 + 190)
+    assert [tuple(key) for key in found.tolist()] == sorted(wanted)
 
 
 def test_points_set_their_cells_and_are_in_their_blocks() -> None:
