@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.points.robust_regression import subtract_plane, weighted_normal_equations
+from slz.kernels.points.robust_regression import robust_fit, subtract_plane
 from slz.points.solid_ground import SolidGround
 
 FEWEST_RETURNS = 300
@@ -81,9 +81,15 @@ def wide_axes(places: NDArray[np.float64], least_m: float) -> NDArray[np.float64
 
     The spread is a standard deviation. If both axes are wide enough, east and north are returned.
     """
-    variances, axes = np.linalg.eigh(np.cov(places.T, bias=True))
-    wide = variances >= least_m**2
-    return np.eye(2) if wide.all() else np.ascontiguousarray(axes[:, wide])
+    off = places - places.mean(axis=0)
+    (east2, both), (_, north2) = (off.T @ off / len(off)).tolist()
+    half, mean = math.hypot((east2 - north2) / 2, both), (east2 + north2) / 2
+    if mean - half >= least_m**2:
+        return np.eye(2)
+    if not mean + half >= least_m**2:
+        return np.empty((2, 0))
+    bearing = math.atan2(2 * both, east2 - north2) / 2
+    return np.array([[math.cos(bearing)], [math.sin(bearing)]])
 
 
 def robust_plane(
@@ -101,24 +107,9 @@ def robust_plane(
         Of reweighting.
     """
     design = np.column_stack([np.ones(len(places)), places @ axes])
-    fit, share = _robust(design, np.ascontiguousarray(heights), rounds)
+    fit, share = robust_fit(design, np.ascontiguousarray(heights), rounds)
     east, north = axes @ fit[1:]
     return (float(fit[0]), float(east), float(north)), share
-
-
-def _robust(
-    design: NDArray[np.float64], values: NDArray[np.float64], rounds: int
-) -> tuple[NDArray[np.float64], float]:
-    """Return the coefficients of a robust fit, and the share of values that agree with them."""
-    fit: NDArray[np.float64] = np.zeros(design.shape[1])
-    fit[0] = median(values)
-    share = 0.0
-    for _ in range(rounds):
-        error = values - design @ fit
-        scale = max(0.02, 1.4826 * median(np.abs(error)))
-        left, right, share = weighted_normal_equations(design, values, error, 4.7 * scale)
-        fit = np.asarray(np.linalg.solve(left + 1e-9 * np.eye(len(fit)), right))
-    return fit, share
 
 
 def median(values: NDArray[np.float64]) -> float:

@@ -81,7 +81,8 @@ def solid_ground(
         (n, 3) in heights that include the map's datum, and (m,) indices of the returns to use.
     """
     every, ground = max(1, len(used) // MOST_RETURNS), NOTHING
-    for step in (PART * every, every):
+    part = PART * every
+    for step in (part, every) if len(used) >= part * ENOUGH_RETURNS else (every,):
         found = tiles.differences(points_enu_m, used[::step].copy(), tiles.datum_m)
         ground = _of(found, sensor_enu_m, noise, most_spread_m)
         if len(ground.differences) >= ENOUGH_RETURNS:

@@ -80,6 +80,8 @@ def sway(
         Solid ground below the window, which alone is compared.
     """
     n_scans = len(origins_enu_m)
+    if n_scans < 2:
+        return Sway(np.zeros((n_scans, 3)), origins_enu_m, np.zeros(n_scans, np.intp))
     n = min(n_scans, MOST_SPANS)
     of_scan = np.arange(n_scans) * n // max(1, n_scans)
     origins = origins_enu_m[np.searchsorted(of_scan, np.arange(n))]

@@ -1,27 +1,53 @@
-"""Robust normal equations against numpy, and residual points after removal of the plane."""
+"""Robust fits against numpy, and residual points after removal of the plane."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from slz.kernels.points.robust_regression import subtract_plane, weighted_normal_equations
-
-
-def test_normal_equations_are_those_of_weights_by_tukey() -> None:
-    rng = np.random.default_rng(3)
-    design, values, error = rng.normal(size=(40, 3)), rng.normal(size=40), rng.uniform(-2, 2, 40)
-    weights = np.maximum(0, 1 - (error / 1.5) ** 2) ** 2
-    left, right, agree = weighted_normal_equations(design, values, error, 1.5)
-    np.testing.assert_allclose(left, design.T @ np.diag(weights) @ design, rtol=1e-12)
-    np.testing.assert_allclose(right, design.T @ (weights * values), rtol=1e-12)
-    assert agree == np.count_nonzero(weights) / 40
+from slz.kernels.points.robust_regression import robust_fit, subtract_plane
+from slz.points.registration import wide_axes
 
 
-def test_an_error_as_large_as_the_most_counts_for_nothing() -> None:
-    left, right, agree = weighted_normal_equations(
-        np.ones((2, 1)), np.array([3.0, 50.0]), np.array([0.0, -1.5]), 1.5
-    )
-    assert (left[0, 0], right[0], agree) == (1.0, 3.0, 0.5)
+def fitted(design: np.ndarray, values: np.ndarray, rounds: int) -> tuple[np.ndarray, float]:
+    """The fit by NumPy: each round solves the weighted least squares of the last one's residuals."""
+    fit, weights = np.zeros(design.shape[1]), np.zeros(len(values))
+    fit[0] = np.sort(values)[len(values) // 2]
+    for _ in range(rounds):
+        error = values - design @ fit
+        scale = max(0.02, 1.4826 * np.sort(np.abs(error))[len(values) // 2])
+        weights = np.maximum(0, 1 - (error / (4.7 * scale)) ** 2) ** 2
+        root = np.sqrt(weights)
+        fit = np.linalg.lstsq(design * root[:, None], values * root, rcond=None)[0]
+    return fit, float(np.count_nonzero(weights) / len(values))
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+@pytest.mark.parametrize("outliers", [0.0, 0.1, 0.4])
+@pytest.mark.parametrize("n", [1, 2, 60, 1001])
+def test_a_robust_fit_is_that_of_reweighted_least_squares(n: int, outliers: float, k: int) -> None:
+    rng = np.random.default_rng(n)
+    design = np.column_stack([np.ones(n), rng.uniform(-20, 20, (n, k - 1))])
+    values = design @ rng.normal(0, 0.05, k) + rng.normal(0, 0.03, n)
+    values[rng.random(n) < outliers] += 1.5
+    fit, agree = robust_fit(design, values, 6)
+    if n >= 60:
+        wanted, share = fitted(design, values, 6)
+        np.testing.assert_allclose(fit, wanted, rtol=0, atol=1e-8)
+        assert agree == share
+    assert np.isfinite(fit).all()
+
+
+@pytest.mark.parametrize("bearing_deg", [0.0, 30.0, 90.0, 135.0])
+def test_the_wide_axis_of_a_strip_is_along_it(bearing_deg: float) -> None:
+    rng = np.random.default_rng(5)
+    along, across = rng.normal(0, 9.0, 500), rng.normal(0, 0.5, 500)
+    c, s = np.cos(np.radians(bearing_deg)), np.sin(np.radians(bearing_deg))
+    places = (*np.column_stack([c * along - s * across, s * along + c * across]), 100.0, -40.0)
+    (axis,) = wide_axes(places, 2.0).T
+    assert abs(axis @ (c, s)) > 0.999
+    np.testing.assert_array_equal(wide_axes(places, 0.3), np.eye(2))
+    assert wide_axes(places, 20.0).shape == (2, 0)
 
 
 def test_points_are_lowered_by_height_and_tilt_about_the_sensor() -> None:
