@@ -1,7 +1,8 @@
 """Event loop on simulated time: whenever it is idle, it asks the simulator to advance.
 
 The program running in it is unchanged: sockets are real, `asyncio.sleep` and time-outs follow the simulated
-clock, and nothing waits for a wall clock. Computation in a worker thread takes no simulated time.
+clock, and nothing waits for a wall clock. Computation in a worker thread takes as much simulated time as its
+maker says.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import asyncio
 import selectors
 import socket
 import struct
+import time
 from collections.abc import Callable
 from concurrent.futures import Executor
 from typing import TypeVar, TypeVarTuple, Unpack
@@ -33,9 +35,14 @@ class LockstepLoop(asyncio.SelectorEventLoop):
     advance
         Called when every ready callback has run and no computation is in progress; returns the new simulated
         time in nanoseconds. Data that it sends to sockets must have arrived when it returns.
+    computing_s
+        Returns the simulated time that a computation takes, from the time that it took by the wall clock.
     """
 
-    def __init__(self, advance: Callable[[], int]) -> None:
+    def __init__(
+        self, advance: Callable[[], int], computing_s: Callable[[float], float] = lambda _: 0.0
+    ) -> None:
+        self._computing_s = computing_s
         self._simulated_ns = CLOCK_OFFSET_NS
         self._computing = 0
         self._alone = False
@@ -55,13 +62,21 @@ class LockstepLoop(asyncio.SelectorEventLoop):
     def run_in_executor(
         self, executor: Executor | None, func: Callable[[Unpack[Args]], Result], *args: *Args
     ) -> asyncio.Future[Result]:
-        future = super().run_in_executor(executor, func, *args)
+        future, begun_s = super().run_in_executor(executor, func, *args), time.perf_counter()
         self._computing += 1
-        future.add_done_callback(self._computed)
-        return future
+        told: asyncio.Future[Result] = self.create_future()
 
-    def _computed(self, _future: object) -> None:
-        self._computing -= 1
+        def on_done(_: object) -> None:
+            self._computing -= 1
+            took_s = self._computing_s(time.perf_counter() - begun_s)
+            if took_s > 0:
+                self.call_later(took_s, _tell, future, told)
+            else:
+                _tell(future, told)
+
+        future.add_done_callback(on_done)
+        told.add_done_callback(lambda _: future.cancel())
+        return told
 
     def _on_idle(self) -> bool:
         """Advance the simulator; return whether time advanced, which it does not during a computation."""
@@ -78,6 +93,19 @@ class LockstepLoop(asyncio.SelectorEventLoop):
                 if not self._alone:
                     raise
         return self._simulated_ns + ALONE_STEP_NS
+
+
+def _tell(future: asyncio.Future[Result], told: asyncio.Future[Result]) -> None:
+    """Complete a future like another one that is done."""
+    if told.cancelled():
+        if not future.cancelled():
+            future.exception()  # nobody asks for it
+    elif future.cancelled():
+        told.cancel()
+    elif (error := future.exception()) is not None:
+        told.set_exception(error)
+    else:
+        told.set_result(future.result())
 
 
 class _IdleSelector(selectors.DefaultSelector):

@@ -19,6 +19,7 @@ from sitl.simulation import Simulation
 from tests.ports import free_port
 
 TICK_NS, LIDAR_MS, POINT_RATE_HZ = 10_000_000, 50, 25_000  # coarser than by default, for time
+COMPUTING_S = 0.25  # of a slow computer, for a window
 # How each simulated LiDAR is spoken of on board: the URL of its port, and how it is mounted.
 LIDARS: dict[str, tuple[str, dict[str, float]]] = {
     "mid360": ("livox:{port}", {}),
@@ -59,7 +60,7 @@ class Mission:
         assert self.sim.lidar is not None
         self.lidar = url.format(port=self.sim.lidar.name, metadata=metadata)
         self.parameters = params.build({"survey_s": 8.0, "zone_m": 200.0, **mounted, **settings})
-        self.loop = LockstepLoop(self.sim.advance)
+        self.loop = LockstepLoop(self.sim.advance, lambda _: COMPUTING_S)
         self.auto = auto
         self.record = record
         self.front = PageEndpoint("127.0.0.1:0") if page else None

@@ -69,6 +69,22 @@ def test_time_stands_still_while_a_thread_computes(loop: LockstepLoop) -> None:
     assert loop.run_until_complete(compute()) == 0
 
 
+def test_a_computation_takes_the_simulated_time_that_is_said(ticker: Ticker) -> None:
+    async def compute() -> tuple[float, int]:
+        running = asyncio.get_running_loop()
+        before_s = running.time()
+        answer = await running.run_in_executor(None, lambda: 42)
+        with pytest.raises(ZeroDivisionError):
+            await running.run_in_executor(None, lambda: 1 // 0)
+        return running.time() - before_s, answer
+
+    loop = LockstepLoop(ticker.advance, lambda wall_s: 0.25 if wall_s > 0 else 0.0)
+    took_s, answer = loop.run_until_complete(compute())
+    loop.close()
+    assert took_s == pytest.approx(0.5, abs=0.011)
+    assert answer == 42
+
+
 def test_what_the_simulator_sends_arrives_in_the_same_tick(loop: LockstepLoop, ticker: Ticker) -> None:
     """A datagram sent during a tick is handled before the next tick."""
     seen: list[tuple[int, int]] = []
