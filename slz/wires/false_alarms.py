@@ -16,7 +16,7 @@ from scipy.special import gammaln, log_ndtr, pdtrc
 from slz.kernels.lines.curve_evidence import fullest_share
 from slz.kernels.lines.voxel_occupancy import VOXEL_M
 
-PER_WINDOW = 1e-4  # false wires expected in a window; one in three hours of windows of a second
+PER_SECOND = 1e-4  # false wires expected; one in three hours
 DEFINING = 3  # returns that define a curve, and therefore are on it
 ABOVE = 0.5  # least share of the places of a curve beside which there is air high over the floor
 

@@ -14,7 +14,7 @@ from slz.kernels.lines.curve_evidence import measures
 from slz.kernels.lines.curve_fit import FIELDS, GATES, grow_curve
 from slz.kernels.lines.line_votes import STEEPEST, line_votes
 from slz.kernels.lines.voxel_occupancy import VOXEL_M
-from slz.wires.false_alarms import PER_WINDOW, log_false_alarms
+from slz.wires.false_alarms import PER_SECOND, log_false_alarms
 from slz.wires.occupied_air import OccupiedAir, Surrounding
 from slz.wires.sagging_curve import SaggingCurve
 
@@ -23,7 +23,7 @@ MOST_PAIRS = 10_000  # of a seed and a stored return, beyond which there are few
 TRIED = 4  # lines of a window that are tested
 FEWEST = 6  # places of a wire that have returns
 SHORTEST_M = 8.0
-FEWEST_WINDOWS = 2
+LEAST_TIME_S = 0.5  # between the first and the last return
 BASELINE = (
     0.08  # of the range, by which the sensor must have moved: lines of a scan on a surface move with it
 )
@@ -37,13 +37,14 @@ Floats = NDArray[np.float64]
 class Measures(NamedTuple):
     """What the returns of a curve have in common.
 
-    on_curve: places that have returns. windows: in which they were seen. moved_m: how far the sensor moved.
+    on_curve: places that have returns. span_s: time between the first
+    and the last. moved_m: how far the sensor moved.
     range_m, steepness, sigma_m: medians of the distance from the sensor, of the fall of the rays over their
     distance, and of the standard deviation of the place.
     """
 
     on_curve: int
-    windows: int
+    span_s: float
     moved_m: float
     range_m: float
     steepness: float
@@ -76,8 +77,8 @@ class Found:
         return Measures(*measures(candidates, self.members, self.along_m, self.start_m))
 
 
-def new_wires(candidates: Floats, first_new: int, air: OccupiedAir) -> Iterator[Found]:
-    """Yield the wires that some of the newest returns, from index `first_new` on, belong to."""
+def new_wires(candidates: Floats, first_new: int, since_s: float, air: OccupiedAir) -> Iterator[Found]:
+    """Yield the wires that some of the returns since the last search, from index `first_new` on, are of."""
     n = len(candidates)
     if n < FEWEST or first_new >= n:
         return
@@ -97,7 +98,7 @@ def new_wires(candidates: Floats, first_new: int, air: OccupiedAir) -> Iterator[
         if grown is None:
             continue
         taken[grown.members] = True  # also of one that is no wire, so that others are tried
-        if _is_wire(grown, candidates, air):
+        if _is_wire(grown, candidates, air, since_s):
             yield grown
 
 
@@ -115,16 +116,16 @@ def _grown(
     return Found.of(curve, members, candidates)
 
 
-def _is_wire(found: Found, candidates: Floats, air: OccupiedAir) -> bool:
+def _is_wire(found: Found, candidates: Floats, air: OccupiedAir, since_s: float) -> bool:
     """Return whether neither clutter nor a surface explains a curve."""
     m = found.measures(candidates)
-    if found.stop_m - found.start_m < SHORTEST_M or m.on_curve < FEWEST or m.windows < FEWEST_WINDOWS:
+    if found.stop_m - found.start_m < SHORTEST_M or m.on_curve < FEWEST or m.span_s < LEAST_TIME_S:
         return False
     if m.moved_m < max(LEAST_BASELINE_M, BASELINE * m.range_m):
         return False
     around = air.around(found.curve, found.start_m, found.stop_m)
     alarms = _log_false_alarms(found, m, len(candidates), around)
-    return alarms is not None and alarms < math.log(PER_WINDOW)
+    return alarms is not None and alarms < math.log(PER_SECOND * since_s)
 
 
 def is_explained(found: Found, own: Floats, air: OccupiedAir) -> bool:

@@ -20,6 +20,7 @@ from slz.wires.tracked_wire import TrackedWire
 
 MOST_WIRES = 64
 MOST_RAYS = 2000  # of a window, counted for contradiction
+LEAST_S = 0.01  # between two windows
 WATCHED_M = 60.0  # from the sensor, within which wires may be contradicted
 
 Floats = NDArray[np.float64]
@@ -45,7 +46,7 @@ class WireDetector:
         self._air = OccupiedAir(seen_air)
         self._stored, self._n_stored = np.empty((MOST + MOST_OF_WINDOW, CANDIDATE_FIELDS)), 0
         self._numbers = itertools.count(1)
-        self._window = 0
+        self._window, self._now_s = 0, -math.inf
         self.tracked: list[TrackedWire] = []
 
     def update(
@@ -76,19 +77,20 @@ class WireDetector:
         if not is_known(sensor_m) or not len(rows):
             return
         self._window += 1
+        since_s, self._now_s = min(1.0, max(LEAST_S, now_s - self._now_s)), now_s
         points = np.ascontiguousarray(points_m)
         raised = self._air.add(points, rows, sensor_m, now_s)
         for tracked in self.tracked:
             self._air.vacate(tracked.curve, tracked.start_m, tracked.stop_m)
         if self.tracked and (suspect := self.tracked[self._window % len(self.tracked)]).is_surface(self._air):
             self.tracked.remove(suspect)
-        found = candidates_of(points, raised, sensor_m, *self._noise, now_s, self._window)
+        found = candidates_of(points, raised, sensor_m, *self._noise, now_s)
         if self.tracked:
             found = self._grown(found, stamp_ns)
             if rays is not None:
                 self._contradicted(points, rows, *rays, sensor_m)
         self._n_stored, n_new = self._air.renew(self._stored, self._n_stored, found, now_s, self._window)
-        self._search(max(0, self._n_stored - n_new), sensor_m, stamp_ns)
+        self._search(max(0, self._n_stored - n_new), since_s, sensor_m, stamp_ns)
 
     def wires(self, datum_m: float) -> tuple[Wire, ...]:
         """Return the wires known now; datum_m: the height of the zero of the stored heights."""
@@ -114,9 +116,9 @@ class WireDetector:
                 tracked.count_rays(points, rows, origin, origins, first, stride)
         self.tracked = [tracked for tracked in self.tracked if not tracked.is_contradicted]
 
-    def _search(self, first_new: int, sensor_m: Floats, stamp_ns: int) -> None:
+    def _search(self, first_new: int, since_s: float, sensor_m: Floats, stamp_ns: int) -> None:
         stored, taken = self._stored[: self._n_stored], []
-        for found in new_wires(stored, first_new, self._air):
+        for found in new_wires(stored, first_new, since_s, self._air):
             taken.append(found.members)
             wire = TrackedWire(next(self._numbers), found, stored[found.members], stamp_ns)
             if not any(known.merge(wire) for known in self.tracked):

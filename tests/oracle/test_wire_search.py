@@ -85,7 +85,7 @@ def world(request: pytest.FixtureRequest) -> tuple[Air, Floats, NDArray[np.int64
 
 def test_candidates_are_one_a_cell(world: Any) -> None:
     _, points, _, raised = world
-    found = candidates.candidates_of(points, raised, SENSOR, 0.003, 0.02, 7.5, 4)
+    found = candidates.candidates_of(points, raised, SENSOR, 0.003, 0.02, 7.5)
     own = points[raised]
     away = np.linalg.norm(own - SENSOR, axis=1)
     own, away = own[(away >= 4.0) & (away <= 60.0)], away[(away >= 4.0) & (away <= 60.0)]
@@ -95,17 +95,17 @@ def test_candidates_are_one_a_cell(world: Any) -> None:
     assert 192 < len(some) <= 384
     np.testing.assert_array_equal(found[:, :3], own[some])
     np.testing.assert_array_equal(found[:, 3], sigma)
-    np.testing.assert_array_equal(found[:, 4:], np.tile([7.5, 4.0, *SENSOR], (len(some), 1)))
-    assert not len(candidates.candidates_of(points, raised[:0], SENSOR, 0.003, 0.02, 7.5, 4))
+    np.testing.assert_array_equal(found[:, 4:], np.tile([7.5, *SENSOR], (len(some), 1)))
+    assert not len(candidates.candidates_of(points, raised[:0], SENSOR, 0.003, 0.02, 7.5))
 
 
 @pytest.mark.parametrize(("n", "window"), [(0, 4), (200, 5), (1500, 6)])
 def test_stored_candidates_age_and_thin_new_ones_join(world: Any, n: int, window: int) -> None:
     air, points, rows, raised = world
     rng = np.random.default_rng(n)
-    old = np.column_stack([points[rows[:n]], rng.uniform(0, 200, (n, 6))])
-    new = candidates.candidates_of(points, raised, SENSOR, 0.003, 0.02, 150.0, window)
-    stored = np.empty((candidates.MOST + candidates.MOST_OF_WINDOW, 9))
+    old = np.column_stack([points[rows[:n]], rng.uniform(0, 200, (n, 5))])
+    new = candidates.candidates_of(points, raised, SENSOR, 0.003, 0.02, 150.0)
+    stored = np.empty((candidates.MOST + candidates.MOST_OF_WINDOW, 8))
     stored[:n] = old
     place = EPOCH, EPOCH, *air.arrays
     m, n_new = candidates.renew(stored, n, new, 150.0, window, FENCE, *place)
@@ -173,16 +173,15 @@ def test_votes_for_lines(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_what_the_returns_of_a_curve_have_in_common(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    own = rng.uniform(-9, 9, (40 + seed, 9))
-    own[:, 5] = rng.integers(0, 5, len(own))
+    own = rng.uniform(-9, 9, (40 + seed, 8))
     members, along = rng.permutation(len(own))[: 20 + seed], rng.uniform(2, 14, 20 + seed)
     found = curve_evidence.measures(own, members, along, 2.0)
     some = own[members]
-    way = some[:, :3] - some[:, 6:]
+    way = some[:, :3] - some[:, 5:]
     fall = -way[:, 2] / np.maximum(np.hypot(way[:, 0], way[:, 1]), 0.1)
-    assert found[:2] == (len(np.unique(np.floor((along - 2.0) / 0.5))), len(np.unique(some[:, 5])))
+    assert found[:2] == (len(np.unique(np.floor((along - 2.0) / 0.5))), np.ptp(some[:, 4]))
     medians = [np.median(values) for values in (np.linalg.norm(way, axis=1), fall, some[:, 3])]
-    moved = np.linalg.norm(np.ptp(some[:, 6:], axis=0))
+    moved = np.linalg.norm(np.ptp(some[:, 5:], axis=0))
     np.testing.assert_allclose(found[2:], [moved, *medians], rtol=1e-14)
 
 

@@ -16,7 +16,6 @@ from slz.kernels.lines.candidate_record import (
     SENSOR,
     SIGMA,
     UP,
-    WINDOW,
 )
 from slz.kernels.lines.voxel_occupancy import height_over_floor, is_thin_at
 
@@ -37,7 +36,6 @@ def candidates_of(
     angle_noise_rad: float,
     range_noise_m: float,
     seen_s: float,
-    window: int,
 ) -> Array2D[np.float64]:
     """Return candidates from the raised returns of a window, rows of (n, 3) points.
 
@@ -70,7 +68,7 @@ def candidates_of(
         away = math.sqrt(x * x + y * y + z * z)
         of_ray = math.hypot(PLACE_SD_M + PLACE_SD_SHARE * away, angle_noise_rad * away)
         own[EAST], own[NORTH], own[UP] = points[i, 0], points[i, 1], points[i, 2]
-        own[SIGMA], own[SEEN], own[WINDOW] = math.hypot(of_ray, range_noise_m), seen_s, window
+        own[SIGMA], own[SEEN] = math.hypot(of_ray, range_noise_m), seen_s
         own[SENSOR], own[SENSOR + 1], own[SENSOR + 2] = sensor[0], sensor[1], sensor[2]
     return out
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.jit import kernel, kernel_part
-from slz.kernels.lines.candidate_record import EAST, NORTH, SENSOR, SIGMA, UP, WINDOW
+from slz.kernels.lines.candidate_record import EAST, NORTH, SEEN, SENSOR, SIGMA, UP
 from slz.kernels.lines.voxel_occupancy import VOXEL_M
 
 
@@ -28,11 +28,11 @@ def measures(
     members: Array1D[np.int64],
     along: Array1D[np.float64],
     start: float,
-) -> tuple[int, int, float, float, float, float]:
+) -> tuple[int, float, float, float, float, float]:
     """Return what the returns of a curve have in common.
 
-    Numbers of its places that have returns, and of windows; how far the sensor moved (m); and the medians of
-    range, fall of the rays over their distance, and standard deviation of the place.
+    Number of its places that have returns; time between the first and the last (s); how far the sensor moved
+    (m); and the medians of range, fall of the rays over their distance, and standard deviation of the place.
 
     Parameters
     ----------
@@ -42,19 +42,21 @@ def measures(
         Where its places begin.
     """
     ranges, falls, sigma = np.empty(len(members)), np.empty(len(members)), np.empty(len(members))
-    places, windows, moved2 = np.empty(len(members)), np.empty(len(members)), 0.0
+    places, moved2 = np.empty(len(members)), 0.0
+    first_s, last_s = math.inf, -math.inf
     for k in range(len(members)):
         own = candidates[members[k]]
         x, y, z = own[EAST] - own[SENSOR], own[NORTH] - own[SENSOR + 1], own[UP] - own[SENSOR + 2]
         ranges[k], falls[k] = math.sqrt(x * x + y * y + z * z), -z / max(math.hypot(x, y), 0.1)
-        sigma[k], windows[k], places[k] = own[SIGMA], own[WINDOW], np.floor((along[k] - start) / VOXEL_M)
+        sigma[k], places[k] = own[SIGMA], np.floor((along[k] - start) / VOXEL_M)
+        first_s, last_s = min(first_s, own[SEEN]), max(last_s, own[SEEN])
     for axis in range(SENSOR, SENSOR + 3):
         low = high = candidates[members[0], axis]
         for i in members:
             low, high = min(low, candidates[i, axis]), max(high, candidates[i, axis])
         moved2 += (high - low) * (high - low)
     medians = np.median(ranges), np.median(falls), np.median(sigma)
-    return (_distinct(places), _distinct(windows), math.sqrt(moved2), *medians)
+    return (_distinct(places), last_s - first_s, math.sqrt(moved2), *medians)
 
 
 @kernel
