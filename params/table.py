@@ -63,7 +63,14 @@ class Parameters(BaseModel):
 
     # ---- pre-processing -------------------------------------------------------------------------
     window_s: Annotated[
-        float, _in(0.05, 10), Spec("SLZ_WINDOW_S", "s", PAPER, "Time span of scans handed on together.")
+        float,
+        _in(0.05, 10),
+        Spec(
+            "SLZ_WINDOW_S",
+            "s",
+            PAPER,
+            "Time span of scans handed on together; in flight a tenth, if the computer can.",
+        ),
     ] = 1.0
     zone_m: Annotated[
         float, _in(20, 20000), Spec("SLZ_ZONE_M", "m", THESIS, "Side of the square map around its origin.")

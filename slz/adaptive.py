@@ -16,10 +16,10 @@ from slz.kernels.points.range_gate import extent, heights_and_ranges
 from slz.window import Window
 
 COARSEST = 2  # pyramid level of the far map with cells of `far_cell_m`
-RETURNS_PER_CELL = 1.0  # least returns of one window in a cell
+RETURNS_PER_CELL = 1.0  # least returns in a cell within `window_s`
 RETURNS_WANTED = 8.0  # returns of one window in a near cell, for which the window length is chosen
 FEWEST_FOR_HEIGHT = 30  # returns that are enough for the height of the ground
-STEADY = 3  # successive windows that must ask for another level
+STEADY = 2.5  # spans of `window_s`, whose windows must ask for another level
 TIMING_S = 0.005  # error of the time match of poses and returns
 HYSTERESIS = 0.9
 LOW_M = 8.0  # height over the ground, below which no window is extended, so that intruders are seen at once
@@ -44,9 +44,10 @@ class PlacedReturns(Protocol):
 class Choice:
     """Features of a window, and the choice made from them.
 
-    density_per_m2: returns per square metre of ground hit. height_m: of the sensor over the median return,
-    NaN where unknown. speed_ms: of the sensor over ground, the last one known; 0 before any. far: the far map
-    is the active one. level: pyramid level of the far map's cells. window_s: span of the next windows.
+    density_per_m2: returns per square metre of ground hit, within `window_s` where that adapts. height_m: of
+    the sensor over the median return, NaN where unknown. speed_ms: of the sensor over ground, the last one
+    known; 0 before any. far: the far map is the active one. level: pyramid level of the far map's cells.
+    window_s: longest span that suits the next windows.
     """
 
     density_per_m2: float
@@ -62,11 +63,13 @@ class Adapter:
 
     - Far mode is chosen above `far_height_m` or faster than `far_speed_ms` (SLZ thesis, section 4.4.4), near
       mode again below nine tenths of both. A window without height and speed changes nothing.
-    - The far map gets the finest cells that receive one return each in a window and are not finer than the
-      position error of returns: two standard deviations of ray direction times height, and of timing times
-      speed. Three windows in a row must agree. The near map keeps its cells: coarser ones hide hazards.
-    - A window gives the near map's cells eight returns each, and in it the vehicle flies at most half of its
-      view to one side. Its length is from half to twice `window_s`, below `LOW_M` at most `window_s`.
+    - The far map gets the finest cells that receive one return each within `window_s` and are not finer than
+      the position error of returns: two standard deviations of ray direction times height, and of timing
+      times speed. All windows of `STEADY` times that span must agree. The near map keeps its cells: coarser
+      ones hide hazards.
+    - The longest window of use gives the near map's cells eight returns each, and in it the vehicle flies at
+      most half of its view to one side. Its span is from half to twice `window_s`, below `LOW_M` at most
+      `window_s`.
 
     With `adaptive=off` and in source mode only near and far change, and far cells are those of `far_cell_m`.
     """
@@ -75,10 +78,11 @@ class Adapter:
         self._p = parameters
         self._adaptive = parameters.adaptive == "on" and parameters.mode == "default"
         self._before: tuple[int, NDArray[np.float64]] | None = None
+        self._ended_ns: int | None = None
         self._speed_ms = 0.0
         self._far = False
         self._level = COARSEST
-        self._asked = [COARSEST] * STEADY
+        self._asked: list[tuple[int, int]] = []  # ends of the latest windows, and the levels they ask for
 
     def choose(self, window: Window, points_enu_m: NDArray[np.float64]) -> Choice:
         """Return the choice after a window, from its returns in use."""
@@ -91,11 +95,11 @@ class Adapter:
         reach = _median(ranges_m) if len(points) else 0.0
         density = _density(points, np.ascontiguousarray(points[::every]))
         self._far = self._is_far(height, speed)
-        level, window_s = self._level, self._p.window_s
+        level, window_s, lasts_s = self._level, self._p.window_s, self._lasts_s(window)
         if self._adaptive and density > 0 and math.isfinite(height):
-            span_s = max((window.end_ns - window.start_ns) * 1e-9, 1e-3)
-            level = self._steady(self._wanted_level(density, height, speed))
-            window_s = self._wanted_window(density / span_s, reach, height, speed)
+            density *= window_s / lasts_s
+            level = self._steady(self._wanted_level(density, height, speed), window.end_ns)
+            window_s = self._wanted_window(density / window_s, reach, height, speed)
         return Choice(density, height, speed, self._far, level, window_s)
 
     def choose_from_cells(self, window: Window, returns: PlacedReturns) -> Choice:
@@ -108,6 +112,12 @@ class Adapter:
         every = max(1, returns.n // SAMPLE_RETURNS)
         choice = self.choose(window, returns.kept(every))
         return replace(choice, density_per_m2=every * choice.density_per_m2)
+
+    def _lasts_s(self, window: Window) -> float:
+        """Return the time that a window stands for: since the last one ended, or from its first return."""
+        before_ns, self._ended_ns = self._ended_ns, window.end_ns
+        spans_ns, since_ns = window.end_ns - window.start_ns, window.end_ns - (before_ns or window.end_ns)
+        return max(spans_ns * 1e-9, min(since_ns * 1e-9, self._p.window_s)) or self._p.window_s
 
     def _speed(self, window: Window) -> float:
         """Return the speed since the last window with a known position."""
@@ -135,12 +145,18 @@ class Adapter:
             level -= 1
         return level
 
-    def _steady(self, wanted: int) -> int:
-        self._asked = [*self._asked[1:], wanted]
-        if all(asked > self._level for asked in self._asked):
-            self._level = min(self._asked)
-        elif all(asked < self._level for asked in self._asked):
-            self._level = max(self._asked)
+    def _steady(self, wanted: int, at_ns: int) -> int:
+        """Return the level after a window that asks for one, at the time of its end."""
+        span_ns = self._p.window_s * 1e9
+        lately = [one for one in self._asked if 0 <= at_ns - one[0] < STEADY * span_ns]
+        self._asked = [*lately, (at_ns, wanted)]
+        if at_ns - self._asked[0][0] < (STEADY - 1) * span_ns:
+            return self._level
+        levels = [level for _, level in self._asked]
+        if min(levels) > self._level:
+            self._level = min(levels)
+        elif max(levels) < self._level:
+            self._level = max(levels)
         return self._level
 
     def _wanted_window(self, per_m2_s: float, reach_m: float, height_m: float, speed_ms: float) -> float:

@@ -13,6 +13,7 @@ from slz.frame import LocalFrame, is_known
 
 LATE_NS = 2_000_000_000
 MOST_LATE = 100  # scans
+EARLY = 0.1  # of the time between two scans
 MOST_POINTS = 10_000_000  # bound on a window whose stamps do not advance
 MOST_SCANS = 60_000  # the same, for scans
 MOST_LOST = 1_000_000  # the same, for rays without a return
@@ -183,38 +184,74 @@ class Window(Scan):
 
 
 class Windower:
-    """Accumulator of scans: closes a window when the scans' own stamps span it.
+    """Accumulator of scans: closes a window with the scan after which its span is over.
 
-    The scan whose stamps reach the end of the window starts the next one (SLZ thesis, section 3.2.1.1).
+    A window holds the scans that begin within `window_s` of its first one (SLZ thesis, section 3.2.1.1). The
+    next scan is expected to begin as long after the newest as that began after the one before, or `EARLY` of
+    this sooner; if that is beyond the window's end, the window is closed without waiting for it. One that
+    comes later than expected is the last of the window, or begins the next one if it is later than a second
+    span.
+    While nobody awaits a window, it grows up to `longest_s`.
     Stamps decide, not arrival times. Scans of a second sensor may be late by up to `LATE_NS`: they join the
     open window or wait for the next, and neither open nor close one. An older scan means that the clock went
     back, and starts a window.
     """
 
-    def __init__(self, window_s: float) -> None:
-        self.window_s = window_s
+    def __init__(self, window_s: float, longest_s: float = 0.0) -> None:
+        self.window_s, self.longest_s = window_s, longest_s
         self._scans: list[Scan] = []
         self._late: list[Scan] = []
         self._first_ns = 0  # of the scan that opened the window
+        self._newest_ns: int | None = None  # where the newest scan in order began
+        self._period_ns = 0  # between the newest two
         self._last: Window | None = None
 
-    def add(self, scan: Scan) -> Window | None:
-        """Add a scan; return the finished window if this scan starts a new one."""
+    def add(self, scan: Scan, *, is_awaited: bool = True) -> tuple[Window, ...]:
+        """Add a scan; return the windows that are over: before it, and with it."""
         if not len(scan):
-            return None
-        window = self.flush() if self._scans and self._must_close(scan) else None
+            return ()
+        span_s = self.window_s if is_awaited else max(self.window_s, self.longest_s)
+        ended = self.flush() if self._scans and self._must_close(scan, span_s) else None
         if self._scans:
             self._scans.append(scan)
-        elif window is None and self._is_late(scan):
+        elif ended is None and self._is_late(scan):
             self._late.append(scan)
+            return ()
         else:
             self._scans = [*(late for late in self._late if late.frame == scan.frame), scan]
             self._first_ns, self._late = int(scan.stamp_ns[0]), []
-        return window
+            if ended is not None or (self._newest_ns or 0) > self._first_ns:
+                self._newest_ns = None  # how long after the one before it began tells nothing of the next
+        if not self._follow(scan):
+            return ()
+        whole = self.flush() if self.is_over(span_s) else None
+        return tuple(window for window in (ended, whole) if window is not None)
 
-    def _must_close(self, scan: Scan) -> bool:
+    def is_over(self, span_s: float) -> bool:
+        """Return whether the open window, if any, would hold the next scan for longer than a span."""
+        next_ns = (self._newest_ns or 0) + (1 + EARLY) * self._period_ns
+        return self.is_open and next_ns - self._first_ns >= round(span_s * 1e9)
+
+    @property
+    def is_open(self) -> bool:
+        """Whether scans are held that wait for others."""
+        return bool(self._scans)
+
+    def _follow(self, scan: Scan) -> bool:
+        """Note when a scan began, and how long after the one before; return whether it is in order."""
+        began_ns, before_ns = int(scan.stamp_ns[0]), self._newest_ns
+        if before_ns is None:
+            self._period_ns = int(scan.stamp_ns[-1]) - began_ns
+        elif began_ns < before_ns:
+            return False
+        else:
+            self._period_ns = began_ns - before_ns
+        self._newest_ns = began_ns
+        return True
+
+    def _must_close(self, scan: Scan, span_s: float) -> bool:
         elapsed = int(scan.stamp_ns[0]) - self._first_ns
-        over = elapsed >= round(self.window_s * 1e9) or sum(map(len, self._scans)) >= MOST_POINTS
+        over = elapsed >= round(2 * span_s * 1e9) or sum(map(len, self._scans)) >= MOST_POINTS
         over = over or sum(map(_lost, self._scans)) >= MOST_LOST or len(self._scans) >= MOST_SCANS
         return over or elapsed < -LATE_NS or scan.frame != self._scans[-1].frame
 

@@ -47,7 +47,7 @@ def flight_summary(flight: FlightView) -> dict[str, Any]:
         "dropped_windows": worker.dropped_windows,
         "failed_windows": worker.failed,
         "late_windows": worker.late,
-        "latency_ms": _quantiles(worker.latencies_ms.array()),
+        "latency_ms": _quantiles(worker.ages_ms.array().ravel()),
         "wind": flight.wind.summary(),
         "autopilot_parameters": flight.fitness.summary(),
         "streams": flight.streams.statistics(),

@@ -13,7 +13,7 @@ def landing_status(flight: FlightView, report: Report | None) -> Status:
     nan = float("nan")
     selected = None if report is None else report.selected
     best = report.zones[0] if report is not None and report.zones else None
-    pose, latencies = flight.history.latest(now_ns()), flight.worker.latencies_ms
+    pose = flight.history.latest(now_ns())
     over = nan if pose is None or selected is None else float(pose.position_enu_m[2]) - selected.height_m
     timesync = flight.link.timesync
     return Status(
@@ -23,7 +23,7 @@ def landing_status(flight: FlightView, report: Report | None) -> Status:
         point="none" if selected is None else selected.state.value,
         certainty=selected.certainty if selected is not None else nan if best is None else best.certainty,
         height_m=over,
-        latency_ms=float(latencies.last) if latencies else nan,
+        latency_ms=flight.worker.age_ms,
         dropped=flight.worker.dropped_windows + flight.link.statistics().dropped,
         sync_ms=timesync.residual_ns * 1e-6 if timesync.synced else nan,
     )

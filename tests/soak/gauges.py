@@ -60,8 +60,8 @@ class Gauges:
         if self._since_s is None:
             self._since_s = now_s
         worker = companion.worker
-        new = min(worker.reports - self._reports, len(worker.latencies_ms))
-        latencies = worker.latencies_ms.array(new) if new else np.array([np.nan])
+        new = min(worker.reports - self._reports, len(worker.computing_ms))
+        latencies = worker.computing_ms.array(new) if new else np.array([np.nan])
         self._reports = worker.reports
         p50_ms, p99_ms = np.percentile(latencies, (50, 99))
         reading = Reading(

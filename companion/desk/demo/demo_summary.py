@@ -30,7 +30,7 @@ def facts(summary: dict[str, Any]) -> dict[str, str]:
         "unsafe ground called safe": f"{100 * summary['unsafe_as_safe']:.3f} % of the cells seen",
         "safe ground found": f"{100 * summary['recall']:.1f} %",
         "aborts": f"{summary['aborts']} {', '.join(summary['abort_reasons'])}".rstrip(),
-        "scan to report": "p50 {p50} ms, p99 {p99} ms, max {max} ms".format(**summary["latency_ms"]),
+        "ground seen to report": "p50 {p50} ms, p99 {p99} ms, max {max} ms".format(**summary["latency_ms"]),
         "flight": f"{summary['simulated_s']:.0f} s simulated in {summary['wall_s']:.0f} s",
     }
 

@@ -112,7 +112,8 @@ class Rerun:
         """Place what waits for poses or for the rest of its scan, and map the incomplete last window."""
         self._fresh = None
         self.assembler.finish()
-        self._process(self._windower.flush())
+        if (window := self._windower.flush()) is not None:
+            self._process(window)
         return self._fresh
 
     def maps(self) -> TerrainMaps | None:
@@ -166,11 +167,10 @@ class Rerun:
             return
         self.standing_scans += self.standing
         if self._mapping and not self.standing:
-            self._process(self._windower.add(without_specks(scan)))
+            for window in self._windower.add(without_specks(scan)):
+                self._process(window)
 
-    def _process(self, window: Window | None) -> None:
-        if window is None:
-            return
+    def _process(self, window: Window) -> None:
         self.outcome.windows += 1
         try:
             report = self._pipeline.process(window)

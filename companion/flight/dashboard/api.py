@@ -82,7 +82,9 @@ class Status(BaseModel):
     zones: int = Field(description="Of the near map.")
     far_zones: int
     reports: int
-    latency_ms: float | None = Field(description="Of the last window, from its last scan to the report.")
+    latency_ms: float | None = Field(
+        description="Median age of the last window's returns when it was reported."
+    )
     origin: Origin | None
     selected: Point | None
     alarms: list[Alarm]

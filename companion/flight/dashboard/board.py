@@ -43,7 +43,7 @@ class Board:
     state, health
         Documents of `state_document`, ten times and once a second; None before the first.
     report, report_number, latency_ms
-        Newest report, count of reports, and latency of the last one from its last scan.
+        Newest report, count of reports, and median age of the last one's returns at that time.
     texts
         Texts for the pilot, newest last.
     path

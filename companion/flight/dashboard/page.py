@@ -125,8 +125,7 @@ class Page:
 
     def use_report(self, report: Report) -> None:
         """Put a report on the board."""
-        latencies = self._flight.worker.latencies_ms
-        self.board.set_report(report, float(latencies.last) if latencies else float("nan"))
+        self.board.set_report(report, self._flight.worker.age_ms)
 
     def close(self) -> None:
         """Stop the page and free its port."""

@@ -32,6 +32,7 @@ STALE_S = 3.0
 TICKS_KEPT = 256  # earlier ticks are stale whatever their age
 # The page waits while a window is computed, but at most this long, so that what it shows stays fresh.
 MOST_WAIT_S, LOOK_AGAIN_S = 0.2, 0.01
+DRAWN_S = 0.3  # from one picture of the zones to the next: reports come faster than eyes follow
 Result = TypeVar("Result")
 
 
@@ -121,11 +122,13 @@ class Site:
 
     async def _keep_drawing(self) -> None:
         """Process reports and changes of the maps, in a thread."""
+        again_s = 0.0
         while True:
             while self.board.map_changes:
                 await self.in_thread(self.pyramids.apply_changes, *self.board.map_changes.popleft())
             number, report = self.board.report_number, self.board.report
-            if report is not None and number != self.zones[0]:
+            if report is not None and number != self.zones[0] and time.monotonic() >= again_s:
+                again_s = time.monotonic() + DRAWN_S
                 document = await self.in_thread(self._shapes.document, report, self.board.parameters)
                 document |= {"t": "zones", "number": number, "latency_ms": round(self.board.latency_ms, 1)}
                 self.picture = document

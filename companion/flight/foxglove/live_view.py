@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 
 HOST = "127.0.0.1"
 MOST_WAITING = 64
-POSE_NS = 100_000_000
+POSE_NS, ZONES_NS = 100_000_000, 500_000_000
 SHOWN = frozenset(
     {
         topics.POINTS,
@@ -57,7 +57,7 @@ class LiveView:
     def __init__(self, flight: FlightView, port: int) -> None:
         self._clock_offset_ns = time.time_ns() - now_ns()
         self._wind = flight.wind
-        self._last_pose_ns = self._last_moving_ns = 0
+        self._last_pose_ns = self._last_moving_ns = self._last_zones_ns = 0
         self._waiting: deque[Callable[[], None]] = deque(maxlen=MOST_WAITING)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-foxglove")
         self.dropped = 0
@@ -87,7 +87,11 @@ class LiveView:
         self._put(topics.POINTS, lambda: foxglove_scene.cloud(window, wall_ns), wall_ns)
 
     def use_report(self, report: Report) -> None:
-        """Publish a report."""
+        """Publish a report, at most twice a second."""
+        at_ns = now_ns()
+        if self._last_zones_ns and at_ns - self._last_zones_ns < ZONES_NS:
+            return
+        self._last_zones_ns = at_ns
         wall_ns, wind = self._wall_ns(), self._wind.at(now_ns())
         self._put(topics.ZONES, lambda: foxglove_scene.scene(report, wall_ns, wind), wall_ns)
         self._put(topics.GEOJSON, lambda: foxglove_scene.geojson(report), wall_ns)

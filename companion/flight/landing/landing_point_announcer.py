@@ -10,13 +10,20 @@ from companion.flight.landing.situation import Severity
 from params import Parameters
 from slz import PointState, Report, SelectedPoint
 
+PAUSE_NS = 1_000_000_000
+
 
 class LandingPointAnnouncer:
-    """Compares the selected point with the last announcement."""
+    """Compares the selected point with the last announcement.
+
+    What is new is told at once; what was told before the last announcement, a second after that at the least.
+    """
 
     def __init__(self, parameters: Parameters) -> None:
         self._parameters = parameters
         self._said: tuple[NDArray[np.float64], PointState, str] | None = None
+        self._before: tuple[PointState, str] | None = None
+        self._said_ns = 0
 
     def update(self, report: Report) -> tuple[Severity, str] | None:
         """Return severity and text for the pilot after a window, None without a change."""
@@ -32,6 +39,11 @@ class LandingPointAnnouncer:
         kind = kind or (surface.kind.word if point.state is PointState.SAFE else "")
         if same and self._said is not None and self._said[1:] == (point.state, kind):
             return None
+        was = self._said[1:] if same and self._said is not None else None
+        is_back = was is not None and self._before == (point.state, kind)
+        if is_back and report.stamp_ns - self._said_ns < PAUSE_NS and point.state is not PointState.UNSAFE:
+            return None
+        self._before, self._said_ns = was, report.stamp_ns
         self._said = point.enu_m, point.state, kind
         where = "" if point.zone_id is None else f" in zone {point.zone_id}"
         by = ", far map" if point.judged_by == "far" else ""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 import os
 import time
 from collections.abc import Callable
@@ -20,6 +21,7 @@ from companion.flight.mapping.report_invariants import (
     LateReportError,
 )
 from companion.flight.mapping.window_event import WindowEvent, differences, runs
+from companion.flight.mapping.window_pace import WindowPace
 from companion.runtime.clock import now_ns
 from companion.runtime.event import Event
 from companion.runtime.ring_buffer import RingBuffer
@@ -31,12 +33,16 @@ from slz.warm_up import warm_up
 
 log = logging.getLogger(__name__)
 
+AGES = 9  # returns of a window whose ages are noted
+LAST = 10  # windows whose computing is told
+
 
 class PipelineWorker:
     """Collects scans into windows and runs the pipeline on them in one thread.
 
-    A window that arrives while another is computed waits; a third replaces the waiting one, which is counted
-    in `dropped_windows`. An exception in the pipeline, or a report that breaks an invariant, sets `invalid`
+    Windows are as short as the computer allows, see `WindowPace`. While one is computed the next one grows,
+    and waits when it is as long as is of use; a third replaces the waiting one, which is counted in
+    `dropped_windows`. An exception in the pipeline, or a report that breaks an invariant, sets `invalid`
     until a window succeeds. Windows and reports too old to land by, because scans stopped in mid-window or
     the computer is slow, are dropped and counted, and the last report stays in use until it is too old.
 
@@ -53,6 +59,10 @@ class PipelineWorker:
         Windows whose report was withdrawn; windows and reports that were too old.
     below
         Surface of the ground under the sensor after the last window.
+    ages_ms
+        Of each report (`AGES`,): ages of returns spread over its window, from their own stamps to the report.
+    computing_ms
+        Of each report, by the wall clock.
     on_invalid
         Event of the first failed report after a success, with the reason.
     on_window
@@ -72,13 +82,14 @@ class PipelineWorker:
         self._parameters = parameters
         self._on_report = on_report
         self._numbers: list[int] = []
-        self._windower = Windower(parameters.window_s)
+        self.pace = WindowPace(parameters)
+        self._windower = Windower(self.pace.window_s, parameters.window_s)
         # A second thread if there is a second core.
         self._pipeline = Pipeline(parameters, threads=min(2, os.cpu_count() or 1), prior=prior)
         self._oldest_ns = oldest_ns
         self._invariants = Invariants(oldest_ns)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-pipeline")
-        self._waiting: tuple[Window, list[int], float] | None = None
+        self._waiting: tuple[Window, list[int]] | None = None
         self._windows = 0
         self.on_window: Event[[WindowEvent, Window]] = Event()
         self.display_hooks: dict[str, Callable[[Pipeline], None]] = {}
@@ -93,7 +104,8 @@ class PipelineWorker:
         self._busy_since_s: float | None = None
         self.dropped_windows = 0
         self.reports = 0
-        self.latencies_ms = RingBuffer(10_000)
+        self.ages_ms = RingBuffer(10_000, (AGES,))
+        self.computing_ms = RingBuffer(10_000)
 
     async def warm_up(self) -> None:
         """Load or compile all kernels; call it before the heartbeat reports ready."""
@@ -101,22 +113,25 @@ class PipelineWorker:
 
     def add_scan(self, scan: Scan, number: int = 0) -> None:
         """Add a scan with its sequence number; never blocks."""
-        window = self._windower.add(scan)
-        numbers, self._numbers = self._numbers, [number] if window is not None else [*self._numbers, number]
-        if window is not None:
-            self._put(window, numbers)
+        is_awaited = self._waiting is None and not self.busy
+        windows = list(self._windower.add(scan, is_awaited=is_awaited))
+        if windows and (self._windower.is_open or len(windows) == 2):
+            self._put(windows.pop(0))  # ended before this scan
+        self._numbers.append(number)
+        for window in windows:
+            self._put(window)
 
     def flush(self) -> None:
         """Close the current window now, because nothing will be mapped for a while."""
         window = self._windower.flush()
-        numbers, self._numbers = self._numbers, []
         if window is not None:
-            self._put(window, numbers)
+            self._put(window)
 
-    def _put(self, window: Window, numbers: list[int]) -> None:
+    def _put(self, window: Window) -> None:
+        numbers, self._numbers = self._numbers, []
         if self._waiting is not None:
             self.dropped_windows += 1
-        self._waiting = (window, numbers, time.perf_counter())
+        self._waiting = (window, numbers)
         self._wake.set()
 
     def reset(self) -> None:
@@ -126,12 +141,23 @@ class PipelineWorker:
         self._select = []
         self._waiting = None
         self._numbers = []
-        self._windower = Windower(self._parameters.window_s)
+        self._windower = Windower(self._windower.window_s, self._windower.longest_s)
 
     @property
     def window_s(self) -> float:
-        """Span of the current window, as adapted by the pipeline."""
+        """Span of the current window, as long as it is awaited."""
         return self._windower.window_s
+
+    @property
+    def age_ms(self) -> float:
+        """Median age of the last window's returns when it was reported, NaN before any."""
+        return float(self.ages_ms.last[AGES // 2]) if self.reports else math.nan
+
+    @property
+    def computing_share(self) -> float:
+        """Share of the time that the pipeline computes, in the last windows."""
+        last = self.computing_ms.array(LAST)
+        return float(last.mean()) * 1e-3 / self.window_s if len(last) else 0.0
 
     @property
     def busy(self) -> bool:
@@ -159,7 +185,7 @@ class PipelineWorker:
             self._wake.clear()
             if self._waiting is None:
                 continue
-            (window, numbers, arrived), self._waiting = self._waiting, None
+            (window, numbers), self._waiting = self._waiting, None
             if now_ns() - window.end_ns > self._oldest_ns:
                 self.late += 1
                 continue
@@ -172,7 +198,7 @@ class PipelineWorker:
             self.on_window.emit(event, window)
             self._windows += 1
             task = partial(self._process, window, selects, anew, parameters, loop.time)
-            self._busy_since_s = loop.time()
+            self._busy_since_s = began_s = loop.time()
             try:
                 report = await loop.run_in_executor(self._thread, task)
             except LateReportError as error:
@@ -188,14 +214,26 @@ class PipelineWorker:
                 continue
             self.invalid = False
             self.reports += 1
-            self._windower.window_s = report.choice.window_s
-            self.latencies_ms.append((time.perf_counter() - arrived) * 1e3)
+            self._follow(report, window, loop.time() - began_s)
             self._on_report(report)
             for display in tuple(self.display_hooks):
                 if self._waiting is None:
                     await self._show(loop, display)
             if self._waiting is None:
                 await self._prepare(loop)
+            if self._waiting is None and self._windower.is_over(self.window_s):
+                self.flush()
+
+    def _follow(self, report: Report, window: Window, took_s: float) -> None:
+        """Note how old the returns of a reported window are, and pace the next ones.
+
+        Computing that takes no simulated time makes them older by what it takes by the wall clock.
+        """
+        self.pace.follow(took_s, report.choice.window_s)
+        self._windower.window_s, self._windower.longest_s = self.pace.window_s, report.choice.window_s
+        rows = np.linspace(0, len(window) - 1, AGES).astype(np.intp)
+        untold_ms = max(0.0, float(self.computing_ms.last) - took_s * 1e3)
+        self.ages_ms.append((now_ns() - window.stamp_ns[rows]).astype(np.float64) * 1e-6 + untold_ms)
 
     async def _show(self, loop: asyncio.AbstractEventLoop, display: str) -> None:
         """Call a display's hook; one that fails is removed, so that the landing goes on."""
@@ -236,7 +274,9 @@ class PipelineWorker:
             self._pipeline.begin_new_map()
         for point in selects:
             self._pipeline.select(point)
+        began_s = time.perf_counter()
         report = self._pipeline.process(window)
+        self.computing_ms.append((time.perf_counter() - began_s) * 1e3)
         self._invariants.check(report, self._pipeline, round(time_s() * 1e9))
         self.below = self._pipeline.surface_at(window.sensor_enu_m)
         return report

@@ -18,8 +18,8 @@ class Status:
 
     phase, point: one of `PHASES`, of `POINTS`. zones: their number. best_zone: ID of the best ranked zone.
     certainty: probability that the selected point is safe, else that of the best zone. height_m: over the
-    selected point. latency_ms: from the last scan of a window to its report. dropped: windows, and messages
-    that no channel accepted. sync_ms: residual of TIMESYNC.
+    selected point. latency_ms: median age of the newest window's returns at its report. dropped: windows,
+    and messages that no channel accepted. sync_ms: residual of TIMESYNC.
     """
 
     phase: str

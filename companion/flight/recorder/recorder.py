@@ -21,7 +21,7 @@ from slz import LocalFrame, MovingObject, Report, Window
 
 CLOUD_BYTES = 12 * topics.MOST_POINTS
 SMALL_BYTES = 512
-POSE_NS = 100_000_000
+POSE_NS, ZONES_NS = 100_000_000, 500_000_000
 FIX_NS = 200_000_000
 
 
@@ -70,7 +70,7 @@ class Recorder:
     ) -> None:
         self._wall_offset_ns = wall_offset_ns
         self._lost = 0
-        self._last_pose_ns = self._last_fix_ns = self._last_moving_ns = 0
+        self._last_pose_ns = self._last_fix_ns = self._last_moving_ns = self._last_zones_ns = 0
         values = parameters.model_dump(mode="json")
         metadata = {
             "version": str(journal.VERSION),
@@ -127,10 +127,13 @@ class Recorder:
         self._raw(journal.EVENT, journal.pack_frame(frame), at_ns)
 
     def use_report(self, report: Report) -> None:
-        """Record a report."""
+        """Record a report, and draw its zones at most twice a second."""
         at_ns = now_ns()
         wall_ns = self._wall_ns(at_ns)
         self._raw(journal.REPORT, lambda: journal.report_document(report), at_ns)
+        if self._last_zones_ns and at_ns - self._last_zones_ns < ZONES_NS:
+            return
+        self._last_zones_ns = at_ns
         self._show(topics.ZONES, lambda display: display.scene(report, wall_ns), at_ns)
         self._show(topics.GEOJSON, lambda display: display.geojson(report), at_ns)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 import params
 from slz import Choice, Grid, Pipeline, Report, Window
-from slz.adaptive import COARSEST, STEADY, Adapter
+from slz.adaptive import COARSEST, Adapter
 from slz.grid import Box
 from slz.kernels.raster.bitmap import bit, packed
 from slz.zones.tracking import Held, regridded
@@ -179,6 +179,11 @@ def test_the_far_cells_are_the_finest_that_are_hit_and_can_be_placed(
     assert looks(per_m2, n=5, height_m=height_m, speed_ms=speed_ms)[-1].level == level
 
 
+def test_short_windows_choose_the_level_that_long_ones_would() -> None:
+    levels = [choice.level for choice in looks(0.9, n=30, span_s=0.1)]
+    assert levels == [COARSEST] * 15 + [0] * 15
+
+
 def test_the_level_changes_when_three_windows_in_a_row_ask_for_it() -> None:
     assert [choice.level for choice in looks(9.0, n=4)] == [COARSEST, COARSEST, 0, 0]
 
@@ -214,8 +219,8 @@ def test_a_new_level_is_one_that_the_last_three_windows_went_up_to(asked: list[i
     chosen = [COARSEST, *levels(*asked)]
     for i, (old, new) in enumerate(pairwise(chosen), start=1):
         if new != old:
-            last = asked[max(0, i - STEADY) : i]
-            assert len(last) == STEADY
+            last = asked[max(0, i - 3) : i]
+            assert len(last) == 3
             assert all(min(old, a) <= new <= max(old, a) and a != old for a in last)
 
 
@@ -305,10 +310,13 @@ def test_the_speed_over_a_window_of_unknown_place_is_the_mean_one() -> None:
     assert speeds == [0, 4, 4, 5]
 
 
-def test_a_window_of_no_span_is_dense_beyond_measure() -> None:
-    points = field(9.0)
-    choice = Adapter(parameters()).choose(window(points, 0.0, (0.0, 0.0, 10.0), 0.0), points)
-    assert choice.window_s == 0.5
+def test_snapshots_are_as_dense_as_the_time_from_one_to_the_next_tells() -> None:
+    """All returns of a flash LiDAR's frame have one stamp."""
+    adapter, points = Adapter(parameters()), field(2.0)
+    choices = [adapter.choose(window(points, 0.2 * k, (0.0, 0.0, 10.0), 0.0), points) for k in range(20)]
+    assert choices[0].density_per_m2 == pytest.approx(2.0, rel=0.05)
+    assert choices[-1].density_per_m2 == pytest.approx(10.0, rel=0.05)
+    assert (choices[0].level, choices[-1].level) == (COARSEST, 0)
 
 
 def test_returns_kilometres_apart_need_no_memory_for_what_is_between() -> None:

@@ -76,7 +76,7 @@ def test_origins_of_another_form_are_refused(changed: dict[str, Any], told: str)
 
 def test_an_empty_scan_begins_no_window() -> None:
     windower = Windower(1.0)
-    assert windower.add(scan(0)) is None
+    assert windower.add(scan(0)) == ()
     assert windower.flush() is None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -22,63 +23,100 @@ def scan(first_ms: int, began_ns: int, n: int = 3, frame: LocalFrame = FRAME) ->
     return Scan(points, began_ns + ms * MS, np.array([0.0, 0.0, float(first_ms)]), frame)
 
 
-def east(window: Window | None) -> list[float]:
+def east(*windows: Window | None) -> list[float]:
+    (window,) = windows
     assert window is not None
     return window.points_enu_m[:, 0].tolist()
 
 
 @pytest.mark.parametrize("began_ns", BEGINNINGS_NS)
-def test_the_scan_that_begins_at_the_window_s_end_begins_the_next(began_ns: int) -> None:
+def test_a_window_is_closed_with_the_last_scan_that_begins_within_its_span(began_ns: int) -> None:
     windower = Windower(0.1)
-    assert windower.add(scan(0, began_ns)) is None
-    assert windower.add(scan(40, began_ns)) is None
-    assert windower.add(scan(99, began_ns)) is None
-    window = windower.add(scan(100, began_ns))
-    assert east(window) == [0, 1, 2, 40, 41, 42, 99, 100, 101]
-    assert window is not None
-    assert (window.start_ns, window.end_ns) == (began_ns, began_ns + 101 * MS)
-    assert window.sensor_enu_m[2] == 99
-    assert windower.add(scan(199, began_ns)) is None
-    assert east(windower.add(scan(200, began_ns))) == [100, 101, 102, 199, 200, 201]
-    assert east(windower.flush()) == [200, 201, 202]
+    for first_ms in (0, 50, 100, 150):
+        found = windower.add(scan(first_ms, began_ns))
+        if first_ms in (0, 100):
+            assert found == ()
+        else:
+            assert east(*found) == [
+                first_ms - 50,
+                first_ms - 49,
+                first_ms - 48,
+                *range(first_ms, first_ms + 3),
+            ]
+            assert (found[0].start_ns, found[0].end_ns) == (
+                began_ns + (first_ms - 50) * MS,
+                began_ns + (first_ms + 2) * MS,
+            )
+            assert found[0].sensor_enu_m[2] == first_ms
     assert windower.flush() is None
+
+
+def test_a_scan_as_long_as_the_window_is_one_at_once_however_its_turns_vary() -> None:
+    """Turns of a spinning sensor take a little more or less than 0.1 s."""
+    windower, first_ms = Windower(0.1), 0
+    for turn_ms in (100, 99, 101, 104, 96, 100, 92, 108):
+        assert len(windower.add(scan(first_ms, 0, n=turn_ms - 1))) == 1
+        first_ms += turn_ms
+
+
+def test_a_scan_that_is_late_ends_the_window_and_one_after_a_gap_begins_the_next() -> None:
+    windower = Windower(0.1)
+    for first_ms in (0, 50, 100):
+        windower.add(scan(first_ms, 0))
+    assert east(*windower.add(scan(230, 0))) == [100, 101, 102, 230, 231, 232]
+    windower.add(scan(280, 0))
+    assert east(*windower.add(scan(900, 0))) == [280, 281, 282]
+    assert east(windower.flush()) == [900, 901, 902]
+
+
+def test_a_window_that_nobody_awaits_grows_up_to_the_longest_span() -> None:
+    windower = Windower(0.1, longest_s=0.3)
+    for first_ms in (0, 50, 100, 150, 200):
+        assert windower.add(scan(first_ms, 0), is_awaited=False) == ()
+    assert windower.is_over(0.1)
+    assert len(east(*windower.add(scan(250, 0), is_awaited=False))) == 18
+    assert not windower.is_over(0.1)
+    for first_ms in (300, 350):
+        windower.add(scan(first_ms, 0), is_awaited=False)
+    assert len(east(*windower.add(scan(400, 0)))) == 9
 
 
 @pytest.mark.parametrize("began_ns", BEGINNINGS_NS)
 def test_a_clock_that_steps_back_and_another_frame_end_a_window(began_ns: int) -> None:
     windower = Windower(1.0)
     windower.add(scan(2500, began_ns))
-    assert east(windower.add(scan(499, began_ns))) == [2500, 2501, 2502]
+    assert east(*windower.add(scan(499, began_ns))) == [2500, 2501, 2502]
     elsewhere = LocalFrame(46.0, 8.0, 400.0)
-    assert east(windower.add(scan(510, began_ns, frame=elsewhere))) == [499, 500, 501]
-    window = windower.add(scan(520, began_ns))
-    assert window is not None
+    assert east(*windower.add(scan(510, began_ns, frame=elsewhere))) == [499, 500, 501]
+    (window,) = windower.add(scan(520, began_ns))
     assert window.frame == elsewhere
+
+
+def test_windows_go_on_at_once_after_the_clock_stepped_back_between_two_of_them() -> None:
+    windower = Windower(0.1)
+    assert len(windower.add(scan(90_000, 0, n=99))) == 1
+    assert [len(windower.add(scan(first_ms, 0, n=99))) for first_ms in (0, 100, 200)] == [1, 1, 1]
 
 
 def test_a_second_sensor_s_late_scans_neither_open_nor_close_a_window() -> None:
     """A radar's block of eight lines is 0.8 s old when it is whole; windows near the ground last 0.5 s."""
-    windower, windows = Windower(0.5), []
+    windower, windows = Windower(0.5), list[Window]()
     for tick in range(200):
-        windows.append(windower.add(scan(50 * tick, 0)))
+        windows += windower.add(scan(50 * tick, 0))
         if tick % 16 == 15:
-            windows.append(windower.add(scan(50 * tick - 790, 0, n=8)))
-    found = [window for window in windows if window is not None]
-    assert len(found) == 19
-    ends = [window.end_ns for window in found]
-    assert np.diff(ends).tolist() == [500 * MS] * 18
-    late = [int((np.diff(window.stamp_ns) < 0).sum()) for window in found]
-    assert sum(late) == 11  # none is lost; the last one is in the window that is open
-    assert all(window.sensor_enu_m[2] * MS == window.end_ns - 2 * MS for window in found)
-    assert found[1].start_ns < found[0].end_ns
+            windows += windower.add(scan(50 * tick - 790, 0, n=8))
+    assert len(windows) == 20
+    assert np.diff([window.end_ns for window in windows]).tolist() == [500 * MS] * 19
+    assert sum(map(len, windows)) == 200 * 3 + 12 * 8  # none is lost
+    assert all(window.sensor_enu_m[2] * MS == window.end_ns - 2 * MS for window in windows)
+    assert any(after.start_ns < before.end_ns for before, after in pairwise(windows))
 
 
 def test_what_comes_late_waits_for_its_own_frame_only() -> None:
     windower = Windower(0.5)
-    windower.add(scan(0, 0))
     windower.add(scan(600, 0))
     assert east(windower.flush()) == [600, 601, 602]
-    assert windower.add(scan(400, 0)) is None
+    assert windower.add(scan(400, 0)) == ()
     assert windower.flush() is None
     windower.add(scan(700, 0, frame=LocalFrame(46.0, 8.0, 400.0)))
     assert east(windower.flush()) == [700, 701, 702]
@@ -87,17 +125,17 @@ def test_what_comes_late_waits_for_its_own_frame_only() -> None:
 def test_a_window_whose_stamps_stand_still_has_an_end(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("slz.window.MOST_POINTS", 12)
     windower = Windower(1.0)
-    lengths = [len(window) for _ in range(500) if (window := windower.add(scan(0, 0))) is not None]
+    lengths = [len(window) for _ in range(500) for window in windower.add(scan(0, 0))]
     assert lengths[0] == 12
     assert sum(lengths) > 1000
 
 
 def test_a_scan_without_a_return_is_no_part_of_anything() -> None:
     windower = Windower(0.1)
-    assert windower.add(scan(5000, 0, n=0)) is None
+    assert windower.add(scan(5000, 0, n=0)) == ()
     assert windower.flush() is None
     windower.add(scan(0, 0))
-    assert windower.add(scan(5000, 0, n=0)) is None
+    assert windower.add(scan(5000, 0, n=0)) == ()
     assert east(windower.flush()) == [0, 1, 2]
 
 
@@ -105,8 +143,9 @@ def test_a_span_that_was_lengthened_holds_for_what_is_being_gathered() -> None:
     windower = Windower(0.1)
     windower.add(scan(0, 0))
     windower.window_s = 0.2
-    assert windower.add(scan(150, 0)) is None
-    assert east(windower.add(scan(200, 0))) == [0, 1, 2, 150, 151, 152]
+    assert windower.add(scan(50, 0)) == ()
+    assert windower.add(scan(100, 0)) == ()
+    assert len(east(*windower.add(scan(150, 0)))) == 12
 
 
 def test_scans_of_two_sensors_are_joined_in_their_order_and_the_newest_stamp_ends_them() -> None:
@@ -175,5 +214,5 @@ def test_return_numbers_that_contradict_each_other_are_unknown() -> None:
 def test_lost_rays_of_a_window_whose_stamps_stand_still_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("slz.window.MOST_LOST", 20)
     windower = Windower(1.0)
-    windows = [window for _ in range(50) if (window := windower.add(rated(0, lost=5))) is not None]
+    windows = [window for _ in range(50) for window in windower.add(rated(0, lost=5))]
     assert [len(window) for window in windows[:2]] == [12, 12]

@@ -10,7 +10,7 @@ const NUMBERS = [
   ["battery", "Battery", false],
   ["wind", "Wind", true],
   ["distance", "To point", true],
-  ["latency", "Report after", true],
+  ["latency", "Ground age", true],
 ];
 const LAMPS = [["link", "Autopilot"], ["lidar", "LiDAR"], ["map", "Map"], ["rec", "Recording"]];
 
@@ -61,7 +61,7 @@ export class Bar {
     this._set("wind", windWords(s.wind), Boolean(s.wind) && s.wind.gust_ms > (this._model.health?.parameters?.max_wind_ms ?? Infinity));
     this._set("distance", shown(away, 0, "m"));
     const past = this._model.isPast("verdict");
-    setText(this._cells.latency.label, past ? "Last report" : "Report after");
+    setText(this._cells.latency.label, past ? "Last report" : "Ground age");
     this._set("latency", past ? this._model.since("verdict") : shown(this._model.zones?.latency_ms, 0, "ms"), past && !s.on_ground);
     this._lamp("link", s.connected && s.heard);
     for (const [key, good] of [["lidar", s.lidar_ok], ["map", !s.pipeline_failed && !past && Boolean(this._model.zones)]]) {

@@ -99,14 +99,15 @@ export class Details {
       setClass(byId("answer"), "no", !ok);
     };
     box.replaceChildren(
-      el("h3", { text: "Scan to report, last 300 (ms)" }),
+      el("h3", { text: "Age of the ground at its report, last 300 (ms)" }),
       chart,
       facts([
         ["Reports", String(h.windows ?? "–")],
         ["Dropped windows", String(h.dropped_windows ?? "–")],
         ["Returns", String(z?.points ?? "–")],
         ["Density", shown(z?.choice?.density_per_m2, 0, "/m²")],
-        ["Window", shown(z?.choice?.window_s, 2, "s")],
+        ["Window", shown(h.window_s, 2, "s")],
+        ["Computing", shown(h.computing_pct, 0, "% of a core")],
         ["Far cells", shown(z?.choice?.far_cell_m, 1, "m")],
       ]),
       el("h3", { text: "Link" }),
@@ -127,7 +128,7 @@ export class Details {
       facts(recording ? [["Size", shown(recording.size_mb, 1, "MiB")], ["State", recording.ended || "running"]] : [["State", "off"]]),
       button,
     );
-    this._chart(chart, h.latencies_ms ?? []);
+    this._chart(chart, h.ages_ms ?? []);
   }
 
   _chart(canvas, values) {

@@ -129,7 +129,7 @@ class Approach:
         return commands
 
     def _is_refused(self, s: Situation, judged: PointState) -> bool:
-        """Return whether two reports in a row call the point unsafe.
+        """Return whether all reports of a second call the point unsafe.
 
         From high above it a single one, of few returns, may err.
         """
@@ -138,7 +138,7 @@ class Approach:
             return False
         if self._refused_ns is None:
             self._refused_ns = s.report.stamp_ns
-        return s.report.stamp_ns != self._refused_ns
+        return s.report.stamp_ns - self._refused_ns >= SECOND
 
     def descend_at_once(self, s: Situation) -> VehicleCommands | None:
         """Descend over a safe point without waiting; None if the vehicle is not ready to go straight down."""

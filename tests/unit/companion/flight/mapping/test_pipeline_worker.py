@@ -1,6 +1,7 @@
 """Pipeline thread: windows in, reports out, reports withdrawn after failures."""
 
 import asyncio
+import math
 import threading
 import time
 from collections.abc import Callable
@@ -41,15 +42,19 @@ async def drive(worker: PipelineWorker, until: Callable[[], bool]) -> None:
     worker.close()
 
 
-async def test_a_window_makes_a_report_with_its_latency() -> None:
+async def test_a_window_makes_a_report_with_the_age_of_its_returns() -> None:
     reports: list[Report] = []
     worker = worker_to(reports)
+    assert math.isnan(worker.age_ms)
     for second in (0, 0.5, 1.0):
         worker.add_scan(scan(second))
     await drive(worker, lambda: bool(reports))
     assert len(reports[0].zones) == 1
     assert worker.reports == 1
-    assert worker.latencies_ms.last > 0
+    reported_ns = now_ns()
+    oldest_ms, newest_ms = worker.ages_ms.last[[0, -1]]
+    assert oldest_ms - newest_ms == pytest.approx(900.0)
+    assert newest_ms < worker.age_ms < oldest_ms < (reported_ns - BEGIN_NS) * 1e-6 < oldest_ms + 10_000
 
 
 async def test_memory_is_made_ready_after_a_report_and_a_failure_of_that_costs_none(
