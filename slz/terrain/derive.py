@@ -84,17 +84,8 @@ class CoveredCells:
         unseen = _unseen(known, cells[HEIGHT], reach, cell_m, parameters)
         if refused is not None:  # what may be water counts as unseen
             unseen |= dilated(above(refused.astype(np.float32), np.float32(0)), reach.radius, cols)
-        return cls(
-            cells,
-            known,
-            covered,
-            unseen,
-            reach.margin,
-            reach.radius,
-            cell_m,
-            parameters,
-            gear_of(parameters, cell_m),
-        )
+        gear = gear_of(parameters, cell_m)
+        return cls(cells, known, covered, unseen, reach.margin, reach.radius, cell_m, parameters, gear)
 
     @property
     def nearest_unrelated(self) -> int:

@@ -245,16 +245,9 @@ def test_the_ground_of_a_pad_is_that_of_the_nearest_returns() -> None:
     gear = gear_of(load("pads 0.8 m across"), 0.2)
     place = (*ground, 25, 12, 12)
     for heading in range(len(gear.contacts_m)):
-        assert gradient_at(
-            place,
-            (0.0, 0.0, 0.0),
-            0.2,
-            gear.contacts_m,
-            heading,
-            gear.limits,
-            0.02,
-            scratch_for(gear.contacts_m),
-        ) == pytest.approx(0, abs=1e-6)
+        standing = gear.contacts_m, gear.limits, scratch_for(gear.contacts_m)
+        gradient = gradient_at(place, (0.0, 0.0, 0.0), 0.2, standing, heading, 0.02)
+        assert gradient == pytest.approx(0, abs=1e-6)
 
 
 def test_skids_are_refused_at_headings_at_which_an_edge_may_tilt_them() -> None:
@@ -268,6 +261,6 @@ def test_skids_are_refused_at_headings_at_which_an_edge_may_tilt_them() -> None:
     ground = tuple(a.astype(np.float32).ravel() for a in (lower, middle, upper))
     along = gradient_at(
         (*ground, cells, cells // 2, cells // 2), (0.0, 0.0, 0.0), 0.2,
-        gear.contacts_m, 0, gear.limits, 0.02, scratch_for(gear.contacts_m),
+        (gear.contacts_m, gear.limits, scratch_for(gear.contacts_m)), 0, 0.02,
     )  # fmt: skip
     assert along == np.inf or along > math.tan(math.radians(parameters.greatest_tilt_deg))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from slz.kernels.argument_types import (
     Array1D,
@@ -13,7 +16,6 @@ from slz.kernels.argument_types import (
     Float32,
     Strided1D,
     Strided2D,
-    Strided5D,
 )
 from slz.kernels.cells.cell_record import (
     COUNT,
@@ -411,7 +413,7 @@ def mark_above(
     pool: Array5D[np.float32],
     directory: Directory,
 ) -> None:
-    """Set a flag of the points that `contradicts` finds.
+    """Set a flag of the points that are higher than known ground of their cell by more than noise explains.
 
     Only points whose flags hold all of `has` and none of `lacks` count. The bound is `least_m` plus four
     standard deviations of a height at the point's horizontal distance.
@@ -437,36 +439,14 @@ def mark_above(
         n = 0
 
 
-@kernel
-def contradicts(
-    points: Strided2D[np.float64],
-    sensor: Strided1D[np.float64],
-    least_m: float,
-    angle_noise_rad: float,
-    west: float,
-    south: float,
-    cell: float,
-    pool: Strided5D[np.float32],
-    directory: Directory,
-) -> Strided1D[np.bool_]:
+def contradicts(points: NDArray[np.float64], *known: Any) -> NDArray[np.bool_]:
     """Return which points are higher than the known ground of their cell by more than noise explains.
 
-    The bound is `least_m` plus four standard deviations of a height at the point's horizontal distance.
+    known: the parameters of `mark_above` from `sensor` on.
     """
-    out = np.zeros(len(points), np.bool_)
-    for i in range(len(points)):
-        c = int(np.floor((points[i, 0] - west) / cell))
-        r = int(np.floor((points[i, 1] - south) / cell))
-        slot = slot_at(directory, r, c)
-        if slot < 0:
-            continue
-        held = pool[slot, r & (TILE - 1), c & (TILE - 1)]
-        if held[0, COUNT] == 0:
-            continue
-        known = max(held[0, HIGH], held[1, HIGH]) if held[1, COUNT] > 0 else held[0, HIGH]
-        way = np.sqrt((points[i, 0] - sensor[0]) ** 2 + (points[i, 1] - sensor[1]) ** 2)
-        out[i] = points[i, 2] - known > least_m + 4 * angle_noise_rad * way
-    return out
+    flags = np.zeros(len(points), np.uint16)
+    mark_above(np.ascontiguousarray(points), flags, 0, 0, 1, *known)
+    return flags > 0
 
 
 @kernel

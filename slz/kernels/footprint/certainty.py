@@ -132,11 +132,8 @@ def undoubted(
     left = broadcast(slope_limit_deg) - slope_deg
     spread2 = slope_sigma_deg * slope_sigma_deg + margin * margin
     most, left_m = broadcast(F_MOST) - broadcast(F_NOISE) * share_seen, broadcast(relief_limit_m) - relief_m
-    noise2 = where(
-        noise2_m2 < broadcast(F_LEAST_NOISE * F_LEAST_NOISE),
-        broadcast(F_LEAST_NOISE * F_LEAST_NOISE),
-        noise2_m2,
-    )
+    least2 = broadcast(F_LEAST_NOISE * F_LEAST_NOISE)
+    noise2 = where(noise2_m2 < least2, least2, noise2_m2)
     level = logical_and(broadcast(F0) < left_m, most * most * noise2 < left_m * left_m)
     gentle = logical_and(
         broadcast(F0) < left, broadcast(np.float32(CERTAIN_SIGMAS * CERTAIN_SIGMAS)) * spread2 < left * left

@@ -52,12 +52,8 @@ def classify(
     states, place
         States, and index of the first cell's state.
     """
-    slope, sigma, unknown = (
-        load(statistics, at + SLOPE * LANES),
-        load(statistics, at + SIGMA * LANES),
-        broadcast(NAN),
-    )
-    relief, open_ = load(statistics, at + RELIEF * LANES), hidden ^ LOW16
+    slope, sigma = load(statistics, at + SLOPE * LANES), load(statistics, at + SIGMA * LANES)
+    relief, unknown, open_ = load(statistics, at + RELIEF * LANES), broadcast(NAN), hidden ^ LOW16
     gentle = slope + broadcast(SIGMAS) * sigma < broadcast(slope_limit)  # False for NaN
     even = flags_of(logical_and(gentle, relief < broadcast(relief_limit)))
     safe, known = even & open_, flags_of(slope == slope) & (open_ | (even ^ LOW16))

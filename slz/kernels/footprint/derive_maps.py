@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, Float32, Strided2D
+from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, Strided2D
 from slz.kernels.cells.cell_record import HEIGHT, TILE, TILE_BITS, TOP
 from slz.kernels.cells.tile_boxes import or_word
 from slz.kernels.footprint.certainty import hazard_quarters
@@ -24,7 +24,7 @@ from slz.kernels.footprint.patch import (
     middle_height,
     rows_of_patch,
 )
-from slz.kernels.footprint.plane_fit import PLANE, PLANE_STATISTICS, add_inner_relief, fit_planes
+from slz.kernels.footprint.plane_fit import PLANE, PLANE_STATISTICS, Limits, add_inner_relief, fit_planes
 from slz.kernels.footprint.rest_pose import Contacts, GearLimits, refuse_without_heading, scratch_for
 from slz.kernels.jit import kernel
 from slz.kernels.raster.bitmap import ALL, NONE, Bits, word_at
@@ -33,7 +33,6 @@ from slz.kernels.simd import LANES, load, store
 LOW16, LOW32 = np.uint64(0xFFFF), np.uint64(0xFFFFFFFF)
 Row = Array1D[np.float32]
 Table = Array2D[np.int32]
-Limits = tuple[Float32, Float32, Float32, Float32, Float32]
 
 
 @kernel
@@ -68,9 +67,6 @@ def derive_box(
         Bitmaps of the cells: footprint wholly covered by seen cells; footprint holds unseen ground.
     edge, radius
         Margin of cells that are not derived, and radius of a footprint, at most the margin.
-    limits
-        Size of a cell (m), noise of a return (m), limits of slope (deg) and relief (m), side of the smallest
-        hazard (m).
     contacts, gear
         Contacts of the gear by heading, none for no gear, and limits: `slz.kernels.footprint.rest_pose`.
     box
@@ -84,14 +80,14 @@ def derive_box(
         heights were relative to, which is rewritten: where it has changed, all its cells may.
     """
     row0, row1, col0, col1 = box
-    cell_m, noise_m, slope_limit, relief_limit, hazard_m = limits
+    cell_m, _, slope_limit, relief_limit, hazard_m = limits
     quarters = hazard_quarters(cell_m, hazard_m)
     k, high, cols, flat = radius, rows_of_patch(radius), cells.shape[2], cells.ravel()
     tall, wide, rows = high + 2 * k, -(-(COLS + 2 * k) // LANES) * LANES, cells.shape[1]
     held, sums = np.empty(PATCH_LAYERS * tall * wide, np.float32), np.empty(SUMS * high * wide, np.float32)
     rises, away = np.empty(RISES * high * wide), np.arange(-k, k + 1).astype(np.float32)
     lower, upper = held[LOWER * tall * wide : UPPER * tall * wide], held[UPPER * tall * wide :]
-    rise, scratch = held[RISE * tall * wide : INVERSE * tall * wide], scratch_for(contacts)
+    rise, standing = held[RISE * tall * wide : INVERSE * tall * wide], (contacts, gear, scratch_for(contacts))
     statistics = np.empty(high * PLANE_STATISTICS * LANES, np.float32)
     plane, found = np.empty(high * PLANE * LANES, np.float32), np.empty(MOST_SAMPLED, np.float32)
     marks, n, changed = np.empty((4, high), np.uint64), 0, 0
@@ -126,45 +122,36 @@ def derive_box(
                     own[j], now[j] = (some[j] >> shift) & LOW16, (todo[j] >> shift) & LOW16
                     fits |= any_ != NONE and own[j] != NONE
                 if fits:
-                    fit_planes(
-                        sums, rises, lower, upper, wide, g, away, own, now, cell_m, noise_m, slope_limit,
-                        statistics, plane,
-                    )  # fmt: skip
+                    fit_planes(sums, rises, lower, upper, wide, g, away, own, now, limits, statistics, plane)
                 for j in range(count):
                     if now[j] == NONE:
                         continue
                     n += LANES
-                    here = (r - row0 + j) * stride + c - col0 + g
+                    here, first = (r - row0 + j) * stride + c - col0 + g, j * PLANE_STATISTICS * LANES
+                    certainties = A_CERTAINTY * layer + to + here
                     at = (edge + r + j) * cols + edge + c + g
                     store(maps, A_HEIGHT * layer + to + here, load(flat, HEIGHT * rows * cols + at))
                     store(maps, A_TOP * layer + to + here, load(flat, TOP * rows * cols + at))
                     for i in range(LANES):
-                        before[0][i] = maps[A_CERTAINTY * layer + to + here + i]
+                        before[0][i] = maps[certainties + i]
                         before[1][i] = states[place + here + i]
                     if fits:
                         hidden = word_at(unseen, edge + r + j, edge + c + g) & LOW16
                         doubtful = classify(
-                            statistics, j * PLANE_STATISTICS * LANES, hidden, slope_limit, relief_limit,
-                            quarters, maps, to + here, layer, states, place + here,
+                            statistics, first, hidden, slope_limit, relief_limit, quarters,
+                            maps, to + here, layer, states, place + here,
                         )  # fmt: skip
                         if doubtful != NONE:
                             add_inner_relief(lower, upper, j, g, wide, away, plane, statistics)
-                            first = A_CERTAINTY * layer + to + here
                             certainty_of_doubtful(
-                                statistics,
-                                j * PLANE_STATISTICS * LANES,
-                                doubtful,
-                                slope_limit,
-                                relief_limit,
-                                quarters,
-                                maps,
-                                first,
-                            )
+                                statistics, first, doubtful, slope_limit, relief_limit, quarters,
+                                maps, certainties,
+                            )  # fmt: skip
                         if contacts.shape[0] > 0:
                             refuse_without_heading(
-                                statistics, j * PLANE_STATISTICS * LANES, plane, j * PLANE * LANES,
-                                (lower, rise, upper, wide, j + k, g + k), cell_m, contacts, gear, scratch,
-                                now[j], before, maps, A_CERTAINTY * layer + to + here, states, place + here,
+                                statistics, first, plane, j * PLANE * LANES,
+                                (lower, rise, upper, wide, j + k, g + k), cell_m, standing,
+                                now[j], before, maps, certainties, states, place + here,
                             )  # fmt: skip
                     else:
                         leave_unknown(maps, to + here, layer, states, place + here)

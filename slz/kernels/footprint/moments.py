@@ -43,24 +43,18 @@ Sums = Any  # a tuple of lanes, one for each sum
 
 
 @kernel_for_any_types
-def _add_row(held: Row, at: int, layer: int, y: float, s: Sums) -> Sums:
-    """Return the sums with one more row of cells added."""
-    north, known = broadcast(np.float32(y)), load(held, at)
+def _add_row(held: Row, at: int, layer: int, y: int, s: Sums, z: Sums) -> tuple[Sums, Sums]:
+    """Return the sums, and those of heights, with one more row of cells added."""
+    north, known, rise = broadcast(np.float32(y)), load(held, at), widened(load(held, at + RISE * layer))
     known_north = known * north
-    return (
+    sums = (
         s[0] + known,
         s[1] + known_north,
         fused_multiply_add(known_north, north, s[2]),
         s[3] + load(held, at + INVERSE * layer),
         s[4] + load(held, at + RETURN_NOISE * layer),
     )
-
-
-@kernel_for_any_types
-def _add_rises(held: Row, at: int, layer: int, y: float, s: Sums) -> Sums:
-    """Return the sums of heights with one more row of cells added."""
-    rise = widened(load(held, at + RISE * layer))
-    return s[0] + rise, s[1] + rise * broadcast_wide(y), s[2] + rise * rise
+    return sums, (z[0] + rise, z[1] + rise * broadcast_wide(float(y)), z[2] + rise * rise)
 
 
 @kernel_for_any_types
@@ -93,18 +87,15 @@ def over_rows(held: Row, rows: int, radius: int, wide: int, sums: Row, rises: Wi
     for c in range(0, wide, LANES):
         s, z = (none, none, none, none, none), (nothing, nothing, nothing)
         for i in range(rows - 1, side):  # rows of cells common to all footprints
-            s = _add_row(held, i * wide + c, layer, i - middle, s)
-            z = _add_rises(held, i * wide + c, layer, float(i - middle), z)
+            s, z = _add_row(held, i * wide + c, layer, i - middle, s, z)
         for j in range(rows - 1, -1, -1):  # further rows of cells to the south
             if j < rows - 1:
-                s = _add_row(held, j * wide + c, layer, j - middle, s)
-                z = _add_rises(held, j * wide + c, layer, float(j - middle), z)
+                s, z = _add_row(held, j * wide + c, layer, j - middle, s, z)
             _store_sums(sums, rises, j * wide + c, out, s, z)
         s, z = (none, none, none, none, none), (nothing, nothing, nothing)
         for j in range(1, rows):  # further rows of cells to the north
             i, at = side + j - 1, j * wide + c
-            s = _add_row(held, i * wide + c, layer, i - middle, s)
-            z = _add_rises(held, i * wide + c, layer, float(i - middle), z)
+            s, z = _add_row(held, i * wide + c, layer, i - middle, s, z)
             whole = (
                 load(sums, at) + s[0],
                 load(sums, at + out) + s[1],

@@ -60,6 +60,8 @@ F0, F1, HALF, F3, NAN = (np.float32(value) for value in (0, 1, 0.5, 3, np.nan))
 DEGREES = np.float32(57.29577951308232)
 Row = Array1D[np.float32]
 Wide = Array1D[np.float64]
+# Size of a cell (m), noise of a return (m), limits of slope (deg) and relief (m), of hazards' sides (m).
+Limits = tuple[Float32, Float32, Float32, Float32, Float32]
 
 
 @kernel
@@ -68,32 +70,30 @@ def _fit(
     rises: Wide,
     row: int,
     col: int,
-    rows: int,
     away: Row,
-    covered: np.uint64,
-    cell_m: Float32,
-    noise_m: Float32,
-    slope_limit: Float32,
+    covered: Array1D[np.uint64],
+    limits: Limits,
     statistics: Row,
     plane: Row,
 ) -> np.uint64:
     """Write planes and statistics of 16 footprints; return a mask of those whose relief is needed."""
+    cell_m, noise_m, slope_limit, _, _ = limits
+    rows = len(covered)
     wide = len(sums) // (SUMS * rows)
     s = over_columns(sums, row * wide + col, rows * wide, away, row - rows // 2)
     z = rises_over_columns(rises, row * wide + col, rows * wide, away, float(row - rows // 2))
     w, nothing, unknown, per_m = s[W], broadcast(F0), broadcast(NAN), broadcast(F1 / cell_m)
     share = broadcast(F1) / w
     mx, my, wide_share = s[WX] * share, s[WY] * share, widened(share)
-    wide_share = wide_share * (
-        broadcast_wide(D2) - widened(w) * wide_share
-    )  # Newton step: to double precision
+    # Newton step: to double precision.
+    wide_share = wide_share * (broadcast_wide(D2) - widened(w) * wide_share)
     mz = z[WZ] * wide_share
     sxx, sxy, syy = s[WXX] - s[WX] * mx, s[WXY] - s[WX] * my, s[WYY] - s[WY] * my
     sxz, syz = narrowed(z[WXZ] - widened(s[WX]) * mz), narrowed(z[WYZ] - widened(s[WY]) * mz)
     szz = narrowed(z[WZZ] - z[WZ] * mz)
     free, det, trace = w - broadcast(F3), sxx * syy - sxy * sxy, sxx + syy
     good = logical_and(
-        flags(covered), logical_and(broadcast(LEAST_CELLS) < w, broadcast(THIN) * trace * trace < det)
+        flags(covered[row]), logical_and(broadcast(LEAST_CELLS) < w, broadcast(THIN) * trace * trace < det)
     )
     over_both = broadcast(F1) / (free * det)
     scale, over_free = over_both * free, over_both * det
@@ -112,11 +112,8 @@ def _fit(
     store(statistics, at + SIGMA * LANES, where(good, sigma, unknown))
     store(statistics, at + RMS * LANES, where(good, sqrt(squares * share), unknown))
     store(statistics, at + NOISE2 * LANES, where(good, s[S_NOISE] * share, unknown))
-    store(
-        statistics,
-        at + SHARE * LANES,
-        where(good, w * broadcast(F1 / np.float32(len(away) * len(away))), unknown),
-    )
+    seen = w * broadcast(F1 / np.float32(len(away) * len(away)))
+    store(statistics, at + SHARE * LANES, where(good, seen, unknown))
     store(statistics, at + RELIEF * LANES, unknown)
     store(plane, to + WEST * LANES, nothing - a)
     store(plane, to + NORTH * LANES, b)
@@ -157,11 +154,8 @@ def add_inner_relief(
     object struck all over is no clutter.
     """
     p, at = row * PLANE * LANES, row * PLANE_STATISTICS * LANES
-    west, north, level = (
-        load(plane, p + WEST * LANES),
-        load(plane, p + NORTH * LANES),
-        load(plane, p + LEVEL * LANES),
-    )
+    west, north = load(plane, p + WEST * LANES), load(plane, p + NORTH * LANES)
+    level = load(plane, p + LEVEL * LANES)
     without = relief_without_one(lower, upper, row * wide + col, wide, away, west, north, level)
     whole, rms = load(statistics, at + RELIEF * LANES), load(statistics, at + RMS * LANES)
     known = load(statistics, at + SHARE * LANES) * broadcast(np.float32(len(away) * len(away)))
@@ -180,9 +174,7 @@ def fit_planes(
     away: Row,
     covered: Array1D[np.uint64],
     asked: Array1D[np.uint64],
-    cell_m: Float32,
-    noise_m: Float32,
-    slope_limit: Float32,
+    limits: Limits,
     statistics: Row,
     plane: Row,
 ) -> None:
@@ -200,8 +192,8 @@ def fit_planes(
         East offsets of the columns of a footprint from its middle, in cells.
     covered
         For each row, a mask of the footprints that are wholly covered by seen cells.
-    asked
-        For each row, a mask of those wanted; a pair of rows without any is left out.
+    asked, limits
+        For each row, a mask of those wanted; a pair of rows without any is left out. See `derive_box`.
     statistics
         (rows, PLANE_STATISTICS, 16), flat: receives the statistics. NaN where a footprint is not covered, has
         fewer than six cells with a height or only collinear ones; the relief also where the slope exceeds its
@@ -209,26 +201,10 @@ def fit_planes(
     plane
         (rows, PLANE, 16), flat: receives the planes, undefined where there is none.
     """
-    rows = len(covered)
-    for j in range(0, rows, 2):
+    for j in range(0, len(covered), 2):
         if asked[j] | asked[j + 1] == NONE:
             continue
-        south = _fit(
-            sums, rises, j, col, rows, away, covered[j], cell_m, noise_m, slope_limit, statistics, plane
-        )
-        north = _fit(
-            sums,
-            rises,
-            j + 1,
-            col,
-            rows,
-            away,
-            covered[j + 1],
-            cell_m,
-            noise_m,
-            slope_limit,
-            statistics,
-            plane,
-        )
+        south = _fit(sums, rises, j, col, away, covered, limits, statistics, plane)
+        north = _fit(sums, rises, j + 1, col, away, covered, limits, statistics, plane)
         if south | north != NONE:
             _add_relief(lower, upper, j, col, wide, away, south, north, plane, statistics)

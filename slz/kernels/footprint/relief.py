@@ -73,13 +73,8 @@ def reliefs(
     up = level[1] + north[1] * broadcast(away[side - 1])
     lowest2, highest2 = low - up, high - up
     for i in range(1, side):
-        row, low, high, low2, high2 = (
-            at + i * wide,
-            broadcast(HIGHEST),
-            broadcast(LOWEST),
-            broadcast(HIGHEST),
-            broadcast(LOWEST),
-        )
+        row, low, high = at + i * wide, broadcast(HIGHEST), broadcast(LOWEST)
+        low2, high2 = low, high
         for d in range(side):  # each cell is loaded once for both rows of footprints
             far, bottom, top = broadcast(away[d]), load(lower, row + d), load(upper, row + d)
             low = minimum(fused_multiply_add(west[0], far, bottom), low)

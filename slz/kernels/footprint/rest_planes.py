@@ -35,6 +35,7 @@ from slz.kernels.footprint.rest_pose import (
     Plane,
     Rest,
     Scratch,
+    Undercarriage,
     ground_of_box,
     part_of,
     plane_of,
@@ -94,24 +95,16 @@ def _swept_ground(
 
 @kernel_part
 def _contact_bounds(
-    ground: Ground,
-    plane: Plane,
-    cell_m: float,
-    turned: Contacts,
-    box: Box,
-    limits: GearLimits,
-    edge_m: float,
-    scratch: Scratch,
+    ground: Ground, plane: Plane, cell_m: float, gear: Undercarriage, box: Box, edge_m: float
 ) -> int:
     """Write the mean, lowest and highest ground that each contact may rest on in a box of poses.
 
     Return the parts of the gear at an edge, a bit each; -1 where a contact has no ground. Lowest and highest
     differ from the mean at edges only: where ground of more than noise and slope lies between them.
     """
-    line = int(limits[A_LINE])
-    height, low, high, _ = scratch
+    turned, limits, (height, low, high, _) = gear
     sine, versed = math.sin(box[B_HALF_YAW]), 1 - math.cos(box[B_HALF_YAW])
-    edges = 0
+    line, edges = int(limits[A_LINE]), 0
     for i in range(turned.shape[1]):
         east, north = float(turned[0, i, 0]), float(turned[0, i, 1])
         tall = box[B_HALF_NORTH] + limits[A_PAD] + abs(east) * sine + abs(north) * versed
@@ -166,10 +159,8 @@ def _planes_at(
     plane: Plane,
     highest: float,
     cell_m: float,
-    turned: Contacts,
+    gear: Undercarriage,
     box: Box,
-    limits: GearLimits,
-    scratch: Scratch,
     planes: Planes,
     found: int,
 ) -> int:
@@ -177,7 +168,8 @@ def _planes_at(
 
     Return -1 where there is none, or where one is beyond the tip limit or has ground up to the belly.
     """
-    line, (height, _, _, kept), before = int(limits[A_LINE]), scratch, found
+    turned, limits, (height, _, _, kept) = gear
+    line, before = int(limits[A_LINE]), found
     n = split = 0
     for first in range(0, len(height), line):
         split = n  # first of the last line
@@ -200,11 +192,9 @@ def _planes_at(
 
 
 @kernel_part
-def _may_tip(
-    plane: Plane, cell_m: float, turned: Contacts, box: Box, limits: GearLimits, scratch: Scratch
-) -> bool:
+def _may_tip(plane: Plane, cell_m: float, gear: Undercarriage, box: Box) -> bool:
     """Return whether contacts at any heights within their bounds might tilt the gear beyond its limit."""
-    _, low, high, _ = scratch
+    turned, limits, (_, low, high, _) = gear
     least, most = np.inf, -np.inf
     for i in range(len(low)):
         col, row = (box[B_EAST] + turned[0, i, 0]) / cell_m, (box[B_NORTH] + turned[0, i, 1]) / cell_m
@@ -256,23 +246,21 @@ def _planes_in(
     plane: Plane,
     highest: float,
     cell_m: float,
-    turned: Contacts,
+    gear: Undercarriage,
     box: Box,
-    limits: GearLimits,
     edge_m: float,
-    scratch: Scratch,
     planes: Planes,
 ) -> int:
     """Write the planes on which a gear may rest in a box of poses; return how many, or -1 as `_planes_at`."""
-    edges, found = _contact_bounds(ground, plane, cell_m, turned, box, limits, edge_m, scratch), 0
+    edges, found, line = _contact_bounds(ground, plane, cell_m, gear, box, edge_m), 0, int(gear[1][A_LINE])
     if edges < 0:
         return -1
-    uneven = int(limits[A_LINE]) > 1 and _may_tip(plane, cell_m, turned, box, limits, scratch)
+    uneven = line > 1 and _may_tip(plane, cell_m, gear, box)
     for sides in range(1 << 2 * PARTS):
         if found >= 0 and _differs(sides, edges, uneven):
             if edges != 0:
-                _put_at_edges(scratch, sides, int(limits[A_LINE]))
-            found = _planes_at(ground, plane, highest, cell_m, turned, box, limits, scratch, planes, found)
+                _put_at_edges(gear[2], sides, line)
+            found = _planes_at(ground, plane, highest, cell_m, gear, box, planes, found)
     return found
 
 
@@ -353,7 +341,8 @@ def _stands_on_cell(
             waiting[count, 3], waiting[count, 4], waiting[count, 5],
         )  # fmt: skip
         _turn(contacts, own, box[B_YAW], turned)
-        found = _planes_in(ground, plane, highest, cell_m, turned, box, limits, edge_m, scratch, planes)
+        gear = turned, limits, scratch
+        found = _planes_in(ground, plane, highest, cell_m, gear, box, edge_m, planes)
         if found > 0:
             _lower_floors(planes, found, plane, cell_m, box, corners, own, period, floors, steepest, place)
         elif max(box[B_HALF_EAST], box[B_HALF_NORTH], box[B_HALF_YAW] * reach_m) <= finest_m:

@@ -45,6 +45,7 @@ Plane = tuple[float, float, float]
 # Unknown cells are +inf, anything and -inf.
 Ground = tuple[Row, Row, Row, int, int, int]
 Scratch = tuple[Row, Row, Row, Array1D[np.int64]]
+Undercarriage = tuple[Contacts, GearLimits, Scratch]
 
 
 @kernel_part
@@ -207,23 +208,15 @@ def _steepest_on_lines(
 
 @kernel_part
 def contact_heights(
-    ground: Ground,
-    plane: Plane,
-    cell_m: float,
-    contacts: Contacts,
-    heading: int,
-    limits: GearLimits,
-    noise_m: float,
-    scratch: Scratch,
+    ground: Ground, plane: Plane, cell_m: float, gear: Undercarriage, heading: int, noise_m: float
 ) -> int:
     """Write the mean, lowest and highest ground under each contact to the scratch arrays.
 
     Return the parts of the gear at an edge that must be tried at both sides, a bit each; -1 where a contact
     has no ground. Lowest and highest differ from the mean at edges only.
     """
-    count, line = contacts.shape[1], int(limits[A_LINE])
-    height, low, high, _ = scratch
-    edges = 0
+    contacts, limits, (height, low, high, _) = gear
+    count, line, edges = contacts.shape[1], int(limits[A_LINE]), 0
     rise_m = abs(plane[1]) + abs(plane[2])  # of the plane within a cell
     edge_m = math.hypot(EDGE_SIGMAS * noise_m, rise_m)
     for i in range(count):
@@ -250,26 +243,15 @@ def put_at_edges(scratch: Scratch, sides: int, line: int) -> None:
 
 @kernel_part
 def gradient_at(
-    ground: Ground,
-    plane: Plane,
-    cell_m: float,
-    contacts: Contacts,
-    heading: int,
-    limits: GearLimits,
-    noise_m: float,
-    scratch: Scratch,
+    ground: Ground, plane: Plane, cell_m: float, gear: Undercarriage, heading: int, noise_m: float
 ) -> float:
     """Return the gradient at which a gear rests at a heading; infinite where it cannot rest.
 
-    Parameters
-    ----------
-    contacts, heading
-        (headings, contacts, 2) east and north of the contacts from the centre of gravity, m.
-    noise_m
-        Standard deviation of the height of one return.
+    noise_m: standard deviation of the height of one return.
     """
+    contacts, limits, scratch = gear
     line, (height, _, _, kept) = int(limits[A_LINE]), scratch
-    edges = contact_heights(ground, plane, cell_m, contacts, heading, limits, noise_m, scratch)
+    edges = contact_heights(ground, plane, cell_m, gear, heading, noise_m)
     if edges < 0:
         return np.inf
     rest = _steepest_on_lines(contacts, heading, height, kept, line)
@@ -286,19 +268,12 @@ def gradient_at(
 
 @kernel_part
 def _least_gradient(
-    ground: Ground,
-    plane: Plane,
-    cell_m: float,
-    contacts: Contacts,
-    limits: GearLimits,
-    noise_m: float,
-    enough: float,
-    scratch: Scratch,
+    ground: Ground, plane: Plane, cell_m: float, gear: Undercarriage, noise_m: float, enough: float
 ) -> float:
     """Return the least gradient at which a gear rests, of all headings, or the first one below `enough`."""
     least = np.inf
-    for heading in range(contacts.shape[0]):
-        least = min(least, gradient_at(ground, plane, cell_m, contacts, heading, limits, noise_m, scratch))
+    for heading in range(gear[0].shape[0]):
+        least = min(least, gradient_at(ground, plane, cell_m, gear, heading, noise_m))
         if least <= enough:
             break
     return least
@@ -338,9 +313,7 @@ def refuse_without_heading(
     to_plane: int,
     ground: Ground,
     cell_m: float,
-    contacts: Contacts,
-    limits: GearLimits,
-    scratch: Scratch,
+    gear: Undercarriage,
     asked: np.uint64,
     before: tuple[Row, Array1D[np.uint8]],
     certainties: Row,
@@ -363,6 +336,7 @@ def refuse_without_heading(
     certainties, to, states, place
         Certainties and states of the cells, and index of the first.
     """
+    limits = gear[1]
     slope, relief = load(statistics, at + SLOPE * LANES), load(statistics, at + RELIEF * LANES)
     leverage, noise2 = limits[A_LEVERAGE], load(statistics, at + NOISE2 * LANES)
     relief = relief - broadcast(NOISES_OF_RELIEF) * sqrt(noise2)
@@ -387,15 +361,9 @@ def refuse_without_heading(
         limit, noise_m = float(limits[A_GRADIENT]), math.sqrt(statistics[at + NOISE2 * LANES + i])
         sigma = max(1e-3, noise_m * leverage)
         least = _least_gradient(
-            (lower, middle, upper, wide, row, col + i),
-            plane,
-            cell_m,
-            contacts,
-            limits,
-            noise_m,
+            (lower, middle, upper, wide, row, col + i), plane, cell_m, gear, noise_m,
             limit - CLEAR_SIGMAS * sigma,
-            scratch,
-        )
+        )  # fmt: skip
         left = (limit - least) / sigma
         if left < 0 and states[place + i] == IS_SAFE:
             states[place + i] = IS_UNSAFE

@@ -16,7 +16,6 @@ from slz.kernels.simd import LANES, broadcast, load, sqrt, store, where
 
 Row = Array1D[np.float32]
 Word = Array1D[np.uint64]
-Rows = Array2D[np.float32]
 Map = Array3D[np.float32]
 
 NAN, DEGREES, HALF = np.float32(np.nan), np.float32(57.29577951308232), np.float32(0.5)
@@ -59,16 +58,15 @@ def _mean_heights(
     unit: float,
     bits: np.uint64,
     counts: Array1D[np.uint64],
-    real_counts: Array1D[np.float64],
     totals: Array1D[np.uint64],
-    real_totals: Array1D[np.float64],
     height: Row,
 ) -> None:
     """Convert sums (see `height_sums.sum_heights`) to mean heights, NaN where nothing was hit.
 
-    Each pair of scratch arrays shares its memory: an integer OR-ed with the exponent bits of 2**52 reads as a
-    float64 equal to it plus 2**52. The compiler vectorises this, but not the conversion.
+    An integer OR-ed with the exponent bits of 2**52 reads as a float64 equal to it plus 2**52. The compiler
+    vectorises this, but not the conversion. counts, totals: scratch.
     """
+    real_counts, real_totals = counts.view(np.float64), totals.view(np.float64)
     mask = (np.uint64(1) << bits) - np.uint64(1)
     for i in range(np.uint64(len(sums))):
         counts[i] = (sums[i] & mask) | TWO_52_BITS
@@ -173,11 +171,8 @@ def _off_margin(rows: int, cols: int, row: int, word: int) -> np.uint64:
 
 @kernel_part
 def _fuse_strip(
-    heights: Rows,
-    slopes: Rows,
-    roughs: Rows,
-    sloped: Bits,
-    roughened: Bits,
+    values: Map,
+    marks: Array3D[np.uint64],
     start: int,
     stop: int,
     row0: int,
@@ -186,21 +181,17 @@ def _fuse_strip(
     worst: np.float32,
     safe_slope: np.float32,
     greatest: bool,
-    height: Map,
-    slope: Map,
-    rough: Map,
-    begun: Array2D[np.uint8],
-    safe: Bits,
-    known: Bits,
-    blocks: Array3D[np.int32],
+    total: tuple[Map, Map, Map, Array2D[np.uint8], Bits, Bits, Array3D[np.int32]],
     changed: Array1D[np.int64],
 ) -> None:
     """Fuse rows start to stop of a window with the total maps, word by word, so that each page is met once.
 
-    `changed` receives the extent of the changes of the safe map: first and last row, first and last word.
+    values, marks: of the rows in the ring, height, slope and roughness, and where they are. total: as in
+    `fuse`. `changed` receives the extent of the changes of the safe map: first and last row and word.
     """
-    rows, cells = height.shape[1], heights.shape[1]
-    window_h, window_s, window_r = heights.ravel(), slopes.ravel(), roughs.ravel()
+    height, slope, rough, begun, safe, known, blocks = total
+    rows, cells, sloped, roughened = height.shape[1], values.shape[2], marks[1], marks[2]
+    window_h, window_s, window_r = values[0].ravel(), values[1].ravel(), values[2].ravel()
     total_h, total_s, total_r = height.ravel(), slope.ravel(), rough.ravel()
     for w in range(sloped.shape[1] - 2):
         c = word0 + w
@@ -274,18 +265,11 @@ def fuse(
     """
     k = np.float32(1.0 / (2.0 * cell))
     words, line = width // WORD, width + 2  # a margin at either end
-    heights, slopes, roughs = (
-        np.full((RING, line), NAN),
-        np.full((RING, line), NAN),
-        np.full((RING, line), NAN),
-    )
-    hit, sloped, roughened = (
-        np.zeros((RING, words + 2), np.uint64), np.zeros((RING, words + 2), np.uint64),
-        np.zeros((RING, words + 2), np.uint64),
-    )  # fmt: skip
+    values, marks = np.full((3, RING, line), NAN), np.zeros((3, RING, words + 2), np.uint64)
+    heights, slopes, roughs = values[0], values[1], values[2]
+    hit, sloped, roughened = marks[0], marks[1], marks[2]
     flat, flat_slopes, flat_roughs = heights.ravel(), slopes.ravel(), roughs.ravel()
     counts, totals = np.empty(width, np.uint64), np.empty(width, np.uint64)
-    real_counts, real_totals = counts.view(np.float64), totals.view(np.float64)
     bits, start, changed = np.uint64(count_bits), 1, np.array([safe.shape[0], -1, safe.shape[1], -1])
     for i in range(rows + 2):
         new, south, here, north = i % RING, (i - 2) % RING, (i - 1) % RING, i % RING
@@ -293,17 +277,7 @@ def fuse(
             row = sums[i * width : (i + 1) * width]
             a, b = _hit_span(row)
             heights[new, : a + 1], heights[new, b + 1 :] = NAN, NAN
-            _mean_heights(
-                row[a:b],
-                low,
-                unit,
-                bits,
-                counts,
-                real_counts,
-                totals,
-                real_totals,
-                heights[new, a + 1 : b + 1],
-            )
+            _mean_heights(row[a:b], low, unit, bits, counts, totals, heights[new, a + 1 : b + 1])
             for w in range(words):
                 hit[new, w + 1] = _mask_below(flat, new * line + WORD * w + 1, INFINITE)
         if 0 < i - 1 < rows - 1:
@@ -324,8 +298,8 @@ def fuse(
         )  # fmt: skip
         if j == rows - 2 or (row0 + j) % STRIP == STRIP - 1:
             _fuse_strip(
-                heights, slopes, roughs, sloped, roughened, start, j + 1, row0, word0, cols, worst,
-                safe_slope, greatest, height, slope, rough, begun, safe, known, blocks, changed,
+                values, marks, start, j + 1, row0, word0, cols, worst, safe_slope, greatest,
+                (height, slope, rough, begun, safe, known, blocks), changed,
             )  # fmt: skip
             start = j + 1
     if changed[1] < 0:

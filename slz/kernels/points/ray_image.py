@@ -86,12 +86,8 @@ def fill_image(
     """
     cells = len(starts) - 1
     capacity = -(-len(points) // every) + -(-len(open_ends) // open_every)
-    own, weight, cell = (
-        np.empty((capacity, 4), np.float32),
-        np.empty(capacity, np.int32),
-        np.empty(capacity, np.int32),
-    )
-    source = np.full(capacity, -1, np.int64)
+    own, source = np.empty((capacity, 4), np.float32), np.full(capacity, -1, np.int64)
+    weight, cell = np.empty(capacity, np.int32), np.empty(capacity, np.int32)
     slots[:] = -1
     n = 0
     for i in range(0, len(points), every):
@@ -112,12 +108,8 @@ def fill_image(
     filled = starts[:-1].copy()
     for k in range(n):
         at = filled[cell[k]]
-        rays[X, at], rays[Y, at], rays[Z, at], rays[RANGE, at] = (
-            own[k, X],
-            own[k, Y],
-            own[k, Z],
-            own[k, RANGE],
-        )
+        for part in range(4):
+            rays[part, at] = own[k, part]
         weights[at] = weight[k]
         if source[k] >= 0:
             slots[source[k]] = at
