@@ -86,28 +86,34 @@ class SensorClock:
 
     def observe(self, stamp_ns: int, arrival_ns: int) -> None:
         """Update the estimate with the stamp of a packet's last point and the packet's arrival."""
-        difference = arrival_ns - stamp_ns
-        if self._last is not None and self.is_jump(stamp_ns, arrival_ns):
-            self._note_step((stamp_ns - self._last[0]) - (arrival_ns - self._last[1]))
+        difference, last = arrival_ns - stamp_ns, self._last
+        if last is not None and self.is_jump(stamp_ns, arrival_ns):
+            self._note_step((stamp_ns - last[0]) - (arrival_ns - last[1]))
             self._least.clear()
-            self._last = None
-            self._moved_ns = None
+            self._moved_ns = last = None
             self.resets += 1
-        self._judge_earliness(stamp_ns, arrival_ns)
-        if self._last is not None and 0 < stamp_ns - self._last[0] < GAP_NS:
-            self._spacing_ns += SPACING * (stamp_ns - self._last[0] - self._spacing_ns)
-        self._last = (stamp_ns if self._last is None else max(stamp_ns, self._last[0]), arrival_ns)
+        early_ns = self._line(stamp_ns) - difference if self._least else 0
+        if self._moved_ns is None or early_ns > NEWS_NS:
+            self._judge_earliness(early_ns, arrival_ns)
+        newest_ns = stamp_ns
+        if last is not None:
+            since_ns = stamp_ns - last[0]
+            if 0 < since_ns < GAP_NS:
+                self._spacing_ns += SPACING * (since_ns - self._spacing_ns)
+            elif since_ns < 0:
+                newest_ns = last[0]
+        self._last = newest_ns, arrival_ns
         if not self._least or stamp_ns - self._block_start >= BLOCK_NS:
             self._block_start = stamp_ns
             self._least.append((stamp_ns, difference))
             while stamp_ns - self._least[0][0] > WINDOW_NS:
                 self._least.popleft()
             self._fit()
+            early_ns = self._line(stamp_ns) - difference
         elif difference < self._least[-1][1]:
             self._least[-1] = (stamp_ns, difference)
-        excess = self._line(stamp_ns) - difference
-        if excess > 0:
-            self._anchor = (self._anchor[0], self._anchor[1] - excess)
+        if early_ns > 0:
+            self._anchor = (self._anchor[0], self._anchor[1] - early_ns)
 
     def offset_ns(self, stamp_ns: int) -> int:
         """Return the offset to add to a sensor stamp.
@@ -121,17 +127,15 @@ class SensorClock:
             raise ValueError("no packet was observed yet")
         return self._line(stamp_ns) - self._delay_ns
 
-    def _judge_earliness(self, stamp_ns: int, arrival_ns: int) -> None:
+    def _judge_earliness(self, early_ns: int, arrival_ns: int) -> None:
         """Count a step forward: a packet earlier than any before, after a time without such news."""
-        early_ns = self._line(stamp_ns) - (arrival_ns - stamp_ns) if self._least else 0
-        if self._moved_ns is None or early_ns > NEWS_NS:
-            if (
-                early_ns > max(STEP_NS, self._spacing_ns)
-                and self._moved_ns is not None
-                and arrival_ns - self._moved_ns > SETTLED_NS
-            ):
-                self._note_step(early_ns)
-            self._moved_ns = arrival_ns
+        if (
+            early_ns > max(STEP_NS, self._spacing_ns)
+            and self._moved_ns is not None
+            and arrival_ns - self._moved_ns > SETTLED_NS
+        ):
+            self._note_step(early_ns)
+        self._moved_ns = arrival_ns
 
     def _note_step(self, step_ns: int) -> None:
         self.steps += 1

@@ -133,8 +133,7 @@ class PacketStream:
         self._failed = 0
         self._decoded_ns: int | None = None
         self._newest_ns: int | None = None  # stamp, on the sensor's clock
-        self._recent: deque[int] = deque(maxlen=REMEMBERED)
-        self._recent_imu: deque[int] = deque(maxlen=REMEMBERED_IMU)
+        self._recent, self._recent_imu = _Recent(REMEMBERED), _Recent(REMEMBERED_IMU)
         self._undated = 0
         self._kept: Batch = []
         self._samples: list[tuple[int, ImuSamples]] = []
@@ -179,10 +178,10 @@ class PacketStream:
             self._suspect(packet, host)
             self.diagnosis.check(arrival_ns)
             return
-        if not self._is_ours(host, arrival_ns):
+        if host != self._host and not self._takes_over(host, arrival_ns):
             self._foreign += 1
             return
-        if self._is_repeated(packet):
+        if self._recent.holds(stamp_ns, packet):
             self._repeated += 1
             return
         if self._clock.is_jump(stamp_ns, arrival_ns):
@@ -267,11 +266,9 @@ class PacketStream:
         if host != self._host:
             self._foreign += 1
             return
-        digest = hash(packet)
-        if digest in self._recent_imu:
+        if self._recent_imu.holds(int(samples.stamp_ns[-1]), packet):
             self._repeated += 1
             return
-        self._recent_imu.append(digest)
         self._kept.append((arrival_ns, packet))
         self._samples.append((arrival_ns, samples))
 
@@ -296,19 +293,14 @@ class PacketStream:
         self._failed += len(lost)
         self.last_arrival_ns = self._decoded_ns
 
-    def _is_ours(self, host: str, arrival_ns: int) -> bool:
+    def _takes_over(self, host: str, arrival_ns: int) -> bool:
+        """Return whether a host other than the present one takes its place: that has been silent."""
         silent = self.last_arrival_ns is None or arrival_ns - self.last_arrival_ns > self._patience_ns
-        if host != self._host and silent and host == (self._named or host):
-            log.info("LiDAR at %s", host)
-            self._host = host
-        return host == self._host
-
-    def _is_repeated(self, packet: bytes) -> bool:
-        digest = hash(packet)
-        repeated = digest in self._recent
-        if not repeated:
-            self._recent.append(digest)
-        return repeated
+        if not silent or host != (self._named or host):
+            return False
+        log.info("LiDAR at %s", host)
+        self._host = host
+        return True
 
     def _suspect(self, packet: bytes, host: str) -> None:
         """Log once that another maker's sensor sends to this port."""
@@ -341,6 +333,27 @@ class PacketStream:
         """Tell the diagnosis of points of this maker that the decoder cannot use."""
         if not self._is_imu(packet) and is_points(packet, self.kind):
             self.diagnosis.note_unfit()
+
+
+class _Recent:
+    """The newest packets with their stamps; one with a later stamp than all of them is none of them."""
+
+    def __init__(self, most: int) -> None:
+        self._packets: deque[tuple[int, bytes]] = deque(maxlen=most)
+        self._newest_ns = -1
+
+    def holds(self, stamp_ns: int, packet: bytes) -> bool:
+        """Return whether a packet is one of them, or else remember it in place of the oldest."""
+        one = stamp_ns, packet
+        if stamp_ns > self._newest_ns:
+            self._newest_ns = stamp_ns
+            self._packets.append(one)
+            return False
+        if one in self._packets:
+            return True
+        self._packets.append(one)
+        self._newest_ns = max(stamp_ns for stamp_ns, _ in self._packets)
+        return False
 
 
 class _Rate:

@@ -23,6 +23,8 @@ log = logging.getLogger(__name__)
 BATCH_S = 0.01
 BATCH_PACKETS = 64
 LOOK_S = 0.25
+BURST_NS = 200_000  # packets that are read closer together wait in the socket, and are read in one go
+LONGEST_PACKET = 65_536
 RECEIVE_BUFFER = 8 << 20
 BIND_ERRORS = {
     errno.EADDRINUSE: "the port is in use; stop the other program (slz run?) that receives from the LiDAR",
@@ -51,6 +53,9 @@ class UdpLidar(asyncio.DatagramProtocol):
         self._address = (host, port)
         self._imu_port = imu_port
         self._timer: asyncio.TimerHandle | None = None
+        self._socket: socket.socket | None = None
+        self._read_ns = 0
+        self._drains = False
         self._failure: asyncio.Future[None] | None = None
         self.stream = stream
         self.on_imu = stream.on_imu
@@ -83,7 +88,8 @@ class UdpLidar(asyncio.DatagramProtocol):
         """
         loop = asyncio.get_running_loop()
         self._failure = loop.create_future()
-        transport, _ = await loop.create_datagram_endpoint(lambda: self, sock=self._bound(self._address))
+        self._socket = self._bound(self._address)
+        transport, _ = await loop.create_datagram_endpoint(lambda: self, sock=self._socket)
         inertial = await self._listen_for_imu()
         looks = asyncio.create_task(self._look(), name="lidar diagnosis")
         try:
@@ -153,14 +159,34 @@ class UdpLidar(asyncio.DatagramProtocol):
         return Surroundings(self.session.answers, self.session.refused, present, dropped, host)
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
+        """Take a packet, and soon those that wait behind it: the event loop itself reads one a turn."""
+        at_ns = now_ns()
+        self.take(data, addr[0], at_ns)
+        if at_ns - self._read_ns < BURST_NS and not self._drains:
+            self._drains = True
+            asyncio.get_running_loop().call_soon(self._drain)
+        self._read_ns = at_ns
+
+    def _drain(self) -> None:
+        """Take the packets that wait in the socket, at most a batch; its errors are the event loop's."""
+        self._drains, sock = False, self._socket
+        if sock is None:
+            return
+        with contextlib.suppress(OSError):
+            for _ in range(BATCH_PACKETS):
+                data, address = sock.recvfrom(LONGEST_PACKET)
+                self.take(data, address[0], now_ns())
+
+    def take(self, packet: bytes, host: str, at_ns: int) -> None:
         """Store a packet for the next batch."""
         try:
-            self.stream.add_packet(data, addr[0], now_ns())
+            self.stream.add_packet(packet, host, at_ns)
         except Exception as error:
             self._fail(error)
-        if len(self.stream) >= BATCH_PACKETS:
+        waiting = len(self.stream)
+        if waiting >= BATCH_PACKETS:
             self._flush()
-        elif self._timer is None and len(self.stream):
+        elif self._timer is None and waiting:
             self._timer = asyncio.get_running_loop().call_later(BATCH_S, self._flush)
 
     def error_received(self, exc: Exception) -> None:
@@ -195,7 +221,7 @@ class _ImuPort(asyncio.DatagramProtocol):
         self._lidar = lidar
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
-        self._lidar.datagram_received(data, addr)
+        self._lidar.take(data, addr[0], now_ns())
 
     def error_received(self, exc: Exception) -> None:
         """Ignore errors of a peer's closed port; nothing is sent from here."""

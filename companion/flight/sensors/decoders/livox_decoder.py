@@ -86,13 +86,13 @@ class LivoxDecoder:
 
         Dropped packets are counted.
         """
-        if self.is_imu(packet):
-            self.decode_imu(packet)
-            return None
         header = self._header(packet)
         if header is None:
             return None
         _, length, interval, count, _, _, kind, _, _, stamp = header
+        if kind == livox_imu.DATA_TYPE:
+            self._samples(packet, header)
+            return None
         size = POINT_BYTES.get(kind)
         if size is None or count == 0 or length != HEADER.size + count * size or stamp > MOST_NS:
             self.counters.malformed += 1
@@ -108,8 +108,9 @@ class LivoxDecoder:
     def decode_imu(self, packet: bytes) -> ImuSamples | None:
         """Return the samples of an inertial packet on the sensor's clock; None, counted, if it is invalid."""
         header = self._header(packet)
-        if header is None:
-            return None
+        return None if header is None else self._samples(packet, header)
+
+    def _samples(self, packet: bytes, header: tuple[int, ...]) -> ImuSamples | None:
         _, length, interval, count, _, _, _, _, _, stamp = header
         samples = None
         if count and length == HEADER.size + count * livox_imu.SAMPLE_BYTES and stamp <= MOST_NS:

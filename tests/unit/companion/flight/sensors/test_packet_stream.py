@@ -108,6 +108,16 @@ def test_a_packet_delivered_twice_is_taken_once(kind: str, seed: int, share: flo
 
 
 @kinds
+def test_packets_of_one_stamp_are_told_apart_and_each_is_taken_once(kind: str) -> None:
+    rig = Rig(kind)
+    for number, at_ms in ((0, 0), (1, 5), (2, 5), (3, 4), (1, 5), (2, 5), (3, 4), (0, 0)):
+        rig.send(number, EPOCH_NS + at_ms * MS, 500 * S + 9 * MS)
+    rig.stream.flush(600 * S)
+    assert rig.counted("repeated") == 4
+    assert len(rig.stamps_ns()) == 4
+
+
+@kinds
 @SLOW
 @given(seed=st.integers(0, 2**32))
 def test_packets_in_another_order_give_the_same_points(kind: str, seed: int) -> None:
