@@ -20,6 +20,11 @@ Points = NDArray[np.float32]
 Stamps = NDArray[np.int64]
 Lines = NDArray[np.uint8]
 
+Directed = tuple[
+    Array2D[np.float32], Array1D[np.int64], int, Array2D[np.float32], Array1D[np.int64], Array1D[np.uint8],
+    Array1D[np.int64], Array1D[np.uint8],
+]  # fmt: skip
+
 LINES = 4
 TERMS = 5  # 1, t, t squared, cosine and sine of the mirror's angle
 TURNS = 1.5  # of the mirror, in a fit
@@ -208,6 +213,88 @@ def _reconstruct(
         lost[i, 2] = math.sin(elevation)
 
 
+@kernel_part
+def _in_time(first_ns: Array1D[np.int64], then_ns: Array1D[np.int64]) -> Array1D[np.int64]:
+    """Return the order of the stamps of two arrays, of which few are out of order."""
+    n = len(first_ns)
+    stamps, order = np.empty(n + len(then_ns), np.int64), np.arange(n + len(then_ns))
+    stamps[:n], stamps[n:] = first_ns, then_ns
+    for i in range(1, len(stamps)):
+        stamp, number, k = stamps[i], order[i], i
+        while k > 0 and stamps[k - 1] > stamp:
+            stamps[k], order[k] = stamps[k - 1], order[k - 1]
+            k -= 1
+        stamps[k], order[k] = stamp, number
+    return order
+
+
+@kernel
+def _directed(
+    tail_m: Array2D[np.float32],
+    tail_ns: Array1D[np.int64],
+    tail_ring: Array1D[np.uint8],
+    xyz_m: Array2D[np.float32],
+    stamp_ns: Array1D[np.int64],
+    ring: Array1D[np.uint8],
+    wait_ns: Array1D[np.int64],
+    wait_ring: Array1D[np.uint8],
+    lost: Array2D[np.float32],
+    lost_ns: Array1D[np.int64],
+    lost_ring: Array1D[np.uint8],
+) -> Directed:
+    """Return directions and stamps of lost rays, how many have none, and what the next batch needs.
+
+    tail_m, tail_ns, tail_ring, wait_ns, wait_ring: what this one needs of the batch before. The rest as in
+    `ScanPattern.direct`.
+    """
+    before, newest_ns = len(tail_ns), np.int64(0)
+    order = _in_time(tail_ns, stamp_ns)
+    places, stamps = np.empty((len(order), 3), np.float32), np.empty(len(order), np.int64)
+    lines = np.empty(len(order), np.uint8)
+    for k in range(len(order)):
+        i = order[k]
+        if i < before:
+            places[k], stamps[k], lines[k] = tail_m[i], tail_ns[i], tail_ring[i]
+        else:
+            places[k], stamps[k], lines[k] = xyz_m[i - before], stamp_ns[i - before], ring[i - before]
+            newest_ns = max(newest_ns, stamps[k])
+    most = len(wait_ns) + len(lost_ns)
+    out, out_ns = np.empty((most, 3), np.float32), np.empty(most, np.int64)
+    rays_ns, rays_ring = np.empty(most, np.int64), np.empty(most, np.uint8)
+    for i in range(len(wait_ns)):
+        rays_ns[i], rays_ring[i] = wait_ns[i], wait_ring[i]
+    n, m = 0, len(wait_ns)
+    for i in range(len(lost_ns)):
+        newest_ns = max(newest_ns, lost_ns[i])
+        if np.isnan(lost[i, 0]):
+            rays_ns[m], rays_ring[m] = lost_ns[i], lost_ring[i]
+            m += 1
+        else:
+            out[n], out_ns[n] = lost[i], lost_ns[i]
+            n += 1
+    order = _in_time(rays_ns[:m], rays_ns[:0])
+    sorted_ns, sorted_ring, found = np.empty(m, np.int64), np.empty(m, np.uint8), np.empty((m, 3), np.float32)
+    for k in range(m):
+        sorted_ns[k], sorted_ring[k] = rays_ns[order[k]], rays_ring[order[k]]
+    _reconstruct(places, stamps, lines, sorted_ns, sorted_ring, found)
+    at = np.empty(m, np.int64)
+    for k in range(m):
+        at[order[k]] = k
+    waits, absent = 0, 0
+    for i in range(m):
+        if np.isfinite(found[at[i], 0]):
+            out[n], out_ns[n] = found[at[i]], rays_ns[i]
+            n += 1
+        elif abs(newest_ns - rays_ns[i]) <= WAIT_NS:
+            rays_ns[waits], rays_ring[waits] = rays_ns[i], rays_ring[i]
+            waits += 1
+        else:
+            absent += 1
+    first, stop = np.searchsorted(stamps, newest_ns - TAIL_NS), np.searchsorted(stamps, newest_ns + 1)
+    tail = places[first:stop], stamps[first:stop], lines[first:stop]
+    return out[:n], out_ns[:n], absent, *tail, rays_ns[:waits], rays_ring[:waits]
+
+
 def reconstruct_directions(
     xyz_m: NDArray[np.float32],
     stamp_ns: NDArray[np.int64],
@@ -281,25 +368,10 @@ class ScanPattern:
         lost, lost_ns, lost_ring
             Its lost rays; directions that are NaN are reconstructed.
         """
-        unknown = np.isnan(lost[:, 0])
-        if not unknown.any() and not self.waiting:
+        if not self.waiting and not np.isnan(lost[:, 0]).any():
             return lost, lost_ns, 0
-        newest_ns = max(int(stamp_ns.max(initial=0)), int(lost_ns.max(initial=0)))
-        rays_ns = np.concatenate([self._waiting[0], lost_ns[unknown]])
-        rays_ring = np.concatenate([self._waiting[1], lost_ring[unknown]])
-        xyz_m, stamp_ns, ring = _in_order(
-            np.concatenate([self._tail[0], xyz_m]),
-            np.concatenate([self._tail[1], stamp_ns]),
-            np.concatenate([self._tail[2], ring]),
+        found, found_ns, absent, places, stamps, lines, wait_ns, wait_ring = _directed(
+            *(*self._tail, xyz_m, stamp_ns, ring), *(*self._waiting, lost, lost_ns, lost_ring)
         )
-        found = reconstruct_directions(xyz_m, stamp_ns, ring, rays_ns, rays_ring)
-        first, stop = np.searchsorted(stamp_ns, [newest_ns - TAIL_NS, newest_ns + 1])
-        self._tail = xyz_m[first:stop], stamp_ns[first:stop], ring[first:stop]
-        known = np.isfinite(found[:, 0])
-        waits = ~known & (np.abs(newest_ns - rays_ns) <= WAIT_NS)
-        self._waiting = rays_ns[waits], rays_ring[waits]
-        return (
-            np.concatenate([lost[~unknown], found[known]]),
-            np.concatenate([lost_ns[~unknown], rays_ns[known]]),
-            int(len(rays_ns) - known.sum() - waits.sum()),
-        )
+        self._tail, self._waiting = (places, stamps, lines), (wait_ns, wait_ring)
+        return found, found_ns, absent
