@@ -25,15 +25,6 @@ class HeightPatch:
     top_m: Heights
     even: NDArray[np.bool_]
 
-    def cells_under(self, points_enu_m: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Return the indices (m,) of the points over the patch, and of their cells in the flat arrays."""
-        finite = np.flatnonzero(np.isfinite(points_enu_m).all(axis=1))
-        col = np.floor((points_enu_m[finite, 0] - self.west_m) / self.cell_m)
-        row = np.floor((points_enu_m[finite, 1] - self.south_m) / self.cell_m)
-        rows, cols = self.top_m.shape
-        here = (row >= 0) & (row < rows) & (col >= 0) & (col < cols)
-        return finite[here], (row[here] * cols + col[here]).astype(np.intp)
-
 
 def highest_around(ground_m: Heights, top_m: Heights, relief_m: float) -> tuple[Heights, NDArray[np.bool_]]:
     """Return the highest top of 3 x 3 cells, NaN where unknown, and the known cells that are even.

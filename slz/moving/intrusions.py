@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from slz.frame import LocalFrame, is_known
+from slz.frame import LocalFrame
+from slz.kernels.points.over_patch import find_intruders
 from slz.landing_point.watched_ground import WatchedGround
-from slz.moving.common_shift import common_shift_m
+from slz.moving.common_shift import OverPatch
 from slz.points.outliers import FLIGHT_GROUP, OBJECT_M2
 from slz.window import Scan
 
 KEPT_NS = 300_000_000  # returns that count together
-SIGMAS = 4.0  # of a height at the end of a ray, that noise explains
 MOST_TOGETHER = 2000  # returns among which groups are sought; more are thinned
 
 Points = NDArray[np.float64]
@@ -109,18 +109,15 @@ class Intrusions:
 
 def _raised(scan: Scan, ground: WatchedGround) -> _Raised:
     """Return the returns of intruders in a scan."""
-    over_ground, cell = ground.cells_under(scan.points_enu_m)
-    points = scan.points_enu_m[over_ground]
-    over = points[:, 2] - ground.top_m.ravel()[cell]
-    away = np.hypot(points[:, 0] - ground.enu_m[0], points[:, 1] - ground.enu_m[1])
-    votes = ground.even.ravel()[cell] & (away > ground.radius_m)
-    over = over - common_shift_m(points, over, cell, votes)
-    aside_m, range_m = np.zeros(len(points)), np.full(len(points), np.inf)
-    if is_known(scan.sensor_enu_m):
-        way = points - scan.sensor_enu_m
-        aside_m, range_m = np.hypot(way[:, 0], way[:, 1]), np.linalg.norm(way, axis=1)
-    noise_m = SIGMAS * np.hypot(ground.angle_noise_rad * aside_m, ground.range_noise_m)
-    which = (away < ground.footprint_m) & (over > ground.least_m + noise_m)  # False for NaN
-    which |= (away < ground.radius_m) & (over > ground.disc_least_m + noise_m)
-    stamps = scan.stamp_ns[over_ground[which]]
-    return _Raised(points[which], over[which], range_m[which], stamps, len(scan), int(scan.stamp_ns[-1]))
+    points, place = np.ascontiguousarray(scan.points_enu_m), np.ascontiguousarray(ground.enu_m)
+    around = float(place[0]), float(place[1]), ground.radius_m, math.inf
+    over = OverPatch.of(points, ground, ground.top_m, around)
+    range_m = np.empty(len(over.index))
+    n = find_intruders(
+        points, np.ascontiguousarray(scan.sensor_enu_m), over.index, over.heights_m, over.shift_m(), place,
+        (ground.footprint_m, ground.least_m), (ground.radius_m, ground.disc_least_m),
+        ground.angle_noise_rad, ground.range_noise_m, range_m,
+    )  # fmt: skip
+    which, last_ns = over.index[:n], int(scan.stamp_ns[-1])
+    stamps = scan.stamp_ns[which]
+    return _Raised(points[which], over.heights_m[:n].copy(), range_m[:n].copy(), stamps, len(scan), last_ns)

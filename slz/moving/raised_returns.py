@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.frame import is_known
+from slz.kernels.points.over_patch import find_raised
 from slz.landing_point.height_patch import HeightPatch, highest_around
 from slz.landing_point.local_heights import Nearby
-from slz.moving.common_shift import common_shift_m
+from slz.moving.common_shift import OverPatch
 from slz.window import Scan
 
 LEAST_M, MOST_M = 0.25, 5.0  # over the ground: dogs, and more than grass in the wind; lorries and branches
-SIGMAS = 4.0  # of a height at the end of a ray, that noise explains
 EVEN_M = 0.4  # between the highest and the lowest of 3 x 3 blocks
 LEAST_RANGE_M = 1.5  # of a return; nearer is the vehicle itself, or dust of its rotors
 BELOW_M = 3.0  # around the sensor, in which the ground is below it
@@ -65,9 +65,9 @@ class Ground(HeightPatch):
         reach = math.ceil(BELOW_M / self.cell_m)
         part = self.ground_m[max(0, row - reach) : row + reach + 1, max(0, col - reach) : col + reach + 1]
         for heights in (part, self.ground_m):
-            known = heights[np.isfinite(heights)]
+            known = np.sort(heights[np.isfinite(heights)])
             if len(known):
-                return float(np.median(known))
+                return float((known[(len(known) - 1) // 2] + known[len(known) // 2]) / 2)
         return math.nan
 
 
@@ -81,19 +81,12 @@ def raised_returns(scan: Scan, ground: Ground, angle_noise_rad: float) -> Raised
         return None
     if not scan.sensor_enu_m[2] - ground.below_m(scan.sensor_enu_m) > LOWEST_M:
         return None
-    over_ground, cell = ground.cells_under(scan.points_enu_m)
-    points = scan.points_enu_m[over_ground]
-    over = points[:, 2] - ground.ground_m.ravel()[cell]
-    beyond = points[:, 2] - ground.top_m.ravel()[cell]
-    way = points - scan.sensor_enu_m
-    aside_m, range_m = np.hypot(way[:, 0], way[:, 1]), np.linalg.norm(way, axis=1)
-    even = ground.even.ravel()[cell] & (aside_m < REACH_M)
-    shift_m = common_shift_m(points, over, cell, even)
-    over, beyond = over - shift_m, beyond - shift_m
-    bound = np.hypot(LEAST_M, SIGMAS * angle_noise_rad * aside_m)
-    raised = (beyond > bound) & (over < MOST_M)  # False for NaN
-    raised &= (aside_m < REACH_M) & (range_m > LEAST_RANGE_M)
-    if not raised.any():
-        return None
-    which = over_ground[raised]
-    return RaisedReturns(points[raised], over[raised], scan.stamp_ns[which])
+    points, sensor = np.ascontiguousarray(scan.points_enu_m), np.ascontiguousarray(scan.sensor_enu_m)
+    around = float(sensor[0]), float(sensor[1]), -1.0, REACH_M
+    over = OverPatch.of(points, ground, ground.ground_m, around)
+    n = find_raised(
+        points, sensor, over.index, over.cells, over.heights_m, over.shift_m(), ground.ground_m, ground.top_m,
+        LEAST_M, MOST_M, angle_noise_rad, LEAST_RANGE_M, REACH_M,
+    )  # fmt: skip
+    which = over.index[:n]
+    return RaisedReturns(points[which], over.heights_m[:n].copy(), scan.stamp_ns[which]) if n else None

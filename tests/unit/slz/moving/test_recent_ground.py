@@ -22,8 +22,11 @@ def report(raised_m: float = 0.0, west_m: float = -5.0, cell_m: float = 0.5) -> 
 
 def top_at(recent: RecentGround, nearby: Nearby, now_ns: int, east_m: float = 0.2) -> float:
     ground = recent.add(nearby, now_ns)
-    _, cell = ground.cells_under(np.array([[east_m, 0.2, 0.0]]))
-    return float(ground.top_m.ravel()[cell[0]])
+    row, col = (
+        int((place - corner) // ground.cell_m)
+        for place, corner in ((0.2, ground.south_m), (east_m, ground.west_m))
+    )
+    return float(ground.top_m[row, col])
 
 
 def test_what_came_is_left_out_until_it_has_stood_for_long() -> None:
