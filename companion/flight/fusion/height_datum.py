@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +19,15 @@ from numpy.typing import NDArray
 from companion.flight.fusion.pose_history import PoseHistory
 from slz import Scan
 from slz.frame import is_known
+from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D
+from slz.kernels.jit import kernel
 from slz.moving.common_shift import FEWEST_CELLS
 from slz.points.registration import FEWEST_SPREAD_M, MOST_TILT_RAD, robust_plane, wide_axes
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.int64]
 SIDE = 64  # cells per side of the ground that is kept, of a metre each
+CELLS = SIDE * SIDE
 REACH_M = 28.0  # of a return from the sensor over ground
 LEAST_HEIGHT_M = 1.0  # of the sensor over the ground: lower, rays graze it, and whoever stands needs no datum
 MOST_RETURNS = 4_000  # of a scan
@@ -85,10 +89,11 @@ class HeightDatum:
         while self._recent and at_ns - self._recent[0].stamp_ns > HOLD_NS:
             self._recent.popleft()
         elapsed_s = (at_ns - before_ns) * 1e-9
-        late_s = float(at_ns - np.median(scan.stamp_ns)) * 1e-9
+        late_s = float(at_ns - _median(scan.stamp_ns)) * 1e-9
         shift_m = float(before.shift_enu_m[2]) + before.slide_up_ms * elapsed_s
         lowest = _Lowest.of(before.levelled(scan), scan.sensor_enu_m)
-        up_m = self._ground.common_m(lowest, shift_m, scan.sensor_enu_m, at_ns)
+        known = self._ground.holds(lowest, at_ns)
+        up_m = self._ground.common_m(lowest, known, shift_m, scan.sensor_enu_m)
         slide_ms = 0.0
         if up_m is not None and elapsed_s > 0:
             if self._slides(_Datum(at_ns, up_m - shift_m, slip_m)):
@@ -99,7 +104,7 @@ class HeightDatum:
         if slide_ms or before.slide_up_ms:
             shift_enu_m = np.array([*before.shift_enu_m[:2], shift_m])
             self._history.correction = replace(before, shift_enu_m=shift_enu_m, slide_up_ms=slide_ms)
-        self._ground.add(lowest, shift_m, at_ns)
+        self._ground.add(lowest, ~known, shift_m, at_ns)
 
     def _slides(self, now: _Datum) -> bool:
         """Return whether the datum slides, and the vehicle's motion does not explain it."""
@@ -149,7 +154,7 @@ class HeightDatum:
 
 @dataclass(frozen=True, slots=True)
 class _Lowest:
-    """Lowest returns of a scan: place in the store (n,), east and north (2, n) of cells, heights (n,)."""
+    """Lowest returns of a scan by cells, in order: number (n,), east and north (2, n), heights (n,)."""
 
     index: Cells
     places: Cells
@@ -157,31 +162,57 @@ class _Lowest:
 
     @classmethod
     def of(cls, points_enu_m: Floats, sensor_enu_m: Floats) -> _Lowest:
-        points = points_enu_m[:: -(-len(points_enu_m) // MOST_RETURNS)]
-        way = points[:, :2] - sensor_enu_m[:2]
-        points = points[np.hypot(way[:, 0], way[:, 1]) < REACH_M]
-        points = points[np.argsort(points[:, 2])[::-1]]  # of equal indices the last is written, the lowest
-        places = np.floor(points[:, :2]).astype(np.int64).T
-        row = np.full(SIDE * SIDE, -1)
-        row[places[0] % SIDE * SIDE + places[1] % SIDE] = np.arange(len(points))
-        index = np.flatnonzero(row >= 0)
-        return cls(index, places[:, row[index]], points[row[index], 2])
+        every = -(-len(points_enu_m) // MOST_RETURNS)
+        index, places, heights = np.empty(CELLS, np.int64), np.empty((2, CELLS), np.int64), np.empty(CELLS)
+        n = find_lowest(
+            np.ascontiguousarray(points_enu_m), every, sensor_enu_m, REACH_M, index, places, heights
+        )
+        return cls(index[:n], places[:, :n], heights[:n])
+
+
+@kernel
+def find_lowest(
+    points: ReadOnly2D[np.float64],
+    every: int,
+    sensor: ReadOnly1D[np.float64],
+    reach_m: float,
+    index: Array1D[np.int64],
+    places: Array2D[np.int64],
+    heights: Array1D[np.float64],
+) -> int:
+    """Write the lowest of every k-th point in reach by cells of a metre, as in `_Lowest`; return how many."""
+    lowest, at = np.full(CELLS, np.inf), np.empty((CELLS, 2), np.int64)
+    for i in range(0, len(points), every):
+        x, y, z = points[i, 0], points[i, 1], points[i, 2]
+        if math.hypot(x - sensor[0], y - sensor[1]) < reach_m:
+            east, north = math.floor(x), math.floor(y)
+            cell = east % SIDE * SIDE + north % SIDE
+            if z < lowest[cell]:
+                lowest[cell], at[cell, 0], at[cell, 1] = z, east, north
+    n = 0
+    for cell in range(CELLS):
+        if lowest[cell] < np.inf:
+            index[n], heights[n] = cell, lowest[cell]
+            places[0, n], places[1, n] = at[cell, 0], at[cell, 1]
+            n += 1
+    return n
 
 
 class _RecentGround:
     """Lowest returns on the map, of the cells around the vehicle, from when each was first seen."""
 
     def __init__(self) -> None:
-        self._heights_m = np.full(SIDE * SIDE, np.nan)
-        self._places = np.zeros((2, SIDE * SIDE), np.int64)
-        self._seen_ns = np.full(SIDE * SIDE, -HOLD_NS)
+        self._heights_m = np.full(CELLS, np.nan)
+        self._places = np.zeros((2, CELLS), np.int64)
+        self._seen_ns = np.full(CELLS, -HOLD_NS)
 
-    def common_m(self, lowest: _Lowest, shift_m: float, sensor_enu_m: Floats, at_ns: int) -> float | None:
+    def common_m(
+        self, lowest: _Lowest, known: NDArray[np.bool_], shift_m: float, sensor_enu_m: Floats
+    ) -> float | None:
         """Return what shifted returns are higher in common, at the sensor; None where they tell none."""
-        known = self._holds(lowest, at_ns)
         if np.count_nonzero(known) < FEWEST_CELLS:
             return None
-        if sensor_enu_m[2] - np.median(lowest.heights_m) < LEAST_HEIGHT_M:
+        if sensor_enu_m[2] - _median(np.sort(lowest.heights_m)) < LEAST_HEIGHT_M:
             return None
         places_m = lowest.places[:, known].T + 0.5 - sensor_enu_m[:2]
         axes = wide_axes(places_m, FEWEST_SPREAD_M)
@@ -191,14 +222,21 @@ class _RecentGround:
         (up_m, *tilt), share = robust_plane(places_m, over_m, axes, ROUNDS)
         return up_m if share >= LEAST_SHARE and math.hypot(*tilt) <= MOST_TILT_RAD else None
 
-    def add(self, lowest: _Lowest, shift_m: float, at_ns: int) -> None:
+    def add(self, lowest: _Lowest, new: NDArray[np.bool_], shift_m: float, at_ns: int) -> None:
         """Add the cells that are not held yet, or no more."""
-        new = ~self._holds(lowest, at_ns)
         index = lowest.index[new]
         self._heights_m[index] = lowest.heights_m[new] + shift_m
         self._places[:, index] = lowest.places[:, new]
         self._seen_ns[index] = at_ns
 
-    def _holds(self, lowest: _Lowest, at_ns: int) -> NDArray[np.bool_]:
-        same = (self._places[:, lowest.index] == lowest.places).all(axis=0)
-        return np.asarray(same & (at_ns - self._seen_ns[lowest.index] <= HOLD_NS))
+    def holds(self, lowest: _Lowest, at_ns: int) -> NDArray[np.bool_]:
+        """Return which of the cells (n,) are held."""
+        index, (east, north) = lowest.index, lowest.places
+        same = (self._places[0][index] == east) & (self._places[1][index] == north)
+        return np.asarray(same & (at_ns - self._seen_ns[index] <= HOLD_NS))
+
+
+def _median(ascending: NDArray[Any]) -> float:
+    """Return the median of values (n,), n > 0."""
+    low, high = ascending[(len(ascending) - 1) // 2], ascending[len(ascending) // 2]
+    return (float(low) + float(high)) / 2
