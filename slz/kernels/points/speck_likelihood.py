@@ -169,9 +169,9 @@ def judge(
     for i in range(len(points)):
         x, y, z = points[i, 0] - sensor[0], points[i, 1] - sensor[1], points[i, 2] - sensor[2]
         away[i] = math.sqrt(x * x + y * y + z * z)
-        key, slot = _voxel(points[i, 0], points[i, 1], points[i, 2])
-        known = certain[slot, 0] == key and 0 < now_ns - certain[slot, 1] <= certain_ns
-        judged[i] = 0 < away[i] <= reach and not known
+        if 0 < away[i] <= reach:
+            key, slot = _voxel(points[i, 0], points[i, 1], points[i, 2])
+            judged[i] = certain[slot, 0] != key or not 0 < now_ns - certain[slot, 1] <= certain_ns
         verdicts[i] = OBJECT
         if not judged[i] and slots[i] >= 0:
             clutter[newest, slots[i]] = 0
