@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pymap3d
 from numpy.typing import ArrayLike, NDArray
 
 EARTH_RADIUS_M = 6_378_137.0
+WGS84 = pymap3d.Ellipsoid.from_name("wgs84")
 Floats = NDArray[np.float64]
 
 
@@ -32,9 +35,15 @@ class LocalFrame:
 
     def enu_m(self, lat_deg: ArrayLike, lon_deg: ArrayLike, alt_m: ArrayLike) -> Floats:
         """Return (..., 3) east, north, up of geodetic coordinates."""
-        return np.stack(
-            pymap3d.geodetic2enu(lat_deg, lon_deg, alt_m, self.lat_deg, self.lon_deg, self.alt_m), axis=-1
-        )
+        (x, y, z), sin_lat, cos_lat, sin_lon, cos_lon = _origin(self.lat_deg, self.lon_deg, self.alt_m)
+        there = pymap3d.geodetic2ecef(lat_deg, lon_deg, alt_m, WGS84)
+        u, v, w = there[0] - x, there[1] - y, there[2] - z
+        level = cos_lon * u + sin_lon * v  # from here on as `pymap3d.uvw2enu`
+        enu = np.empty((*np.shape(level), 3))
+        enu[..., 0] = -sin_lon * u + cos_lon * v
+        enu[..., 1] = -sin_lat * level + cos_lat * w
+        enu[..., 2] = cos_lat * level + sin_lat * w
+        return enu
 
     def lla(self, enu_m: ArrayLike) -> Floats:
         """Return (..., 3) latitude, longitude (degrees) and altitude (m) of east, north, up."""
@@ -92,6 +101,14 @@ class MapFrame(LocalFrame):
     @classmethod
     def of(cls, frame: LocalFrame, number: int) -> MapFrame:
         return cls(frame.lat_deg, frame.lon_deg, frame.alt_m, number)
+
+
+@functools.lru_cache(maxsize=64)
+def _origin(lat_deg: float, lon_deg: float, alt_m: float) -> tuple[Any, ...]:
+    """Return the Earth-centred place of an origin, and sine and cosine of its latitude and longitude."""
+    lat, lon = np.radians(lat_deg), np.radians(lon_deg)
+    place = pymap3d.geodetic2ecef(lat_deg, lon_deg, alt_m, WGS84)
+    return place, np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
 
 
 def _axes(lat_deg: float, lon_deg: float) -> Floats:

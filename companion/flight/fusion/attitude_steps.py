@@ -44,7 +44,7 @@ class AttitudeSteps:
             return False
         interval_ns = stamp_ns - self._last[0]
         rate = _turn(self._last[1], quat) / interval_ns
-        change = 0.0 if self._rate is None else float(np.linalg.norm(rate - self._rate))
+        change = 0.0 if self._rate is None else _length(rate - self._rate)
         error_rad = SHARE * change * interval_ns
         self._last, self._rate = (stamp_ns, quat), rate
         self.worst_deg = max(self.worst_deg, math.degrees(error_rad))
@@ -57,7 +57,18 @@ class AttitudeSteps:
 def _turn(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the rotation vector (3,), rad, in body axes, from one attitude to the next."""
     w = float(before @ after)
-    axis = before[0] * after[1:] - after[0] * before[1:] - np.cross(before[1:], after[1:])
-    sine = float(np.linalg.norm(axis))
+    (bw, bx, by, bz), (aw, ax, ay, az) = before.tolist(), after.tolist()
+    axis = np.array(
+        (
+            bw * ax - aw * bx - (by * az - bz * ay),
+            bw * ay - aw * by - (bz * ax - bx * az),
+            bw * az - aw * bz - (bx * ay - by * ax),
+        )
+    )
+    sine = _length(axis)
     scale = 2.0 if sine < 1e-12 else 2 * math.atan2(sine, abs(w)) / sine
     return np.asarray(math.copysign(scale, w) * axis)
+
+
+def _length(vector: NDArray[np.float64]) -> float:
+    return math.sqrt(vector.dot(vector))

@@ -98,6 +98,7 @@ class PoseHistory:
         self.tracked_until_ns: int | None = None
         self._before_jump: tuple[int, Correction] | None = None  # last stamp before an absorbed jump
         self._newest_lla: tuple[float, float, float] | None = None
+        self._latest: tuple[tuple[int, ...], Pose] | None = None  # for which time and samples, and the pose
         self.misdated = 0
         self._certain_ns: int | None = None
         self._trusts_all = True
@@ -120,21 +121,23 @@ class PoseHistory:
 
     def add_attitude(self, stamp_ns: int, quat_wxyz: Sequence[float], rates: Sequence[float]) -> None:
         """Append an attitude (body forward-right-down to north-east-down) and body rates in rad/s."""
-        quat = np.asarray(quat_wxyz, dtype=np.float64)
-        norm = float(np.linalg.norm(quat))
+        quat = np.array(quat_wxyz, dtype=np.float64)
+        norm = math.sqrt(quat.dot(quat))
         if not 0.5 < norm < 2 or not self._is_next(self._attitudes, stamp_ns):
             self.refused += 1
             return
-        if self.steps.add(stamp_ns, quat / norm, self._limit_ns):
+        quat /= norm
+        if self.steps.add(stamp_ns, quat, self._limit_ns):
             self._attitudes.clear()  # what was measured since the last one is not placed
-        self._attitudes.append(stamp_ns, quat / norm)
-        self._rates = np.nan_to_num(np.asarray(rates, dtype=np.float64), posinf=0, neginf=0)
+        self._attitudes.append(stamp_ns, quat)
+        self._rates = np.array([rate if math.isfinite(rate) else 0.0 for rate in rates])
 
     def add_position(
         self, stamp_ns: int, lat_deg: float, lon_deg: float, alt_m: float, vel_ned_ms: Sequence[float]
     ) -> None:
         """Append a position (WGS-84 degrees, altitude in m) and its rates north, east, down in m/s."""
-        velocity = np.asarray(vel_ned_ms, dtype=np.float64)[[1, 0, 2]] * (1, 1, -1)
+        north_ms, east_ms, down_ms = vel_ned_ms
+        velocity = np.array((east_ms, north_ms, -down_ms), dtype=np.float64)
         if not self._is_place(lat_deg, lon_deg, alt_m, velocity) or not self._is_next(
             self._positions, stamp_ns
         ):
@@ -271,6 +274,9 @@ class PoseHistory:
             return None
         if max(abs(now_ns - attitude_ns), abs(now_ns - position_ns)) > self._limit_ns:
             return None
+        asked = now_ns, attitude_ns, position_ns, self.epoch, self._mappings, id(self.correction)
+        if self._latest is not None and self._latest[0] == asked:
+            return self._latest[1]
         stamp_ns = min(now_ns, min(attitude_ns, position_ns) + round(EXTRAPOLATION_S * 1e9))
         sample = self._positions.values[-1]
         velocity = sample[3:6].copy()
@@ -281,7 +287,8 @@ class PoseHistory:
             quat_wxyz=turned(self._attitudes.values[-1], self._rates, _bounded_s(stamp_ns - attitude_ns)),
             epoch=self.epoch,
         )
-        return self.correction.pose(pose)
+        self._latest = asked, self.correction.pose(pose)
+        return self._latest[1]
 
     # ---- acceptance of samples ------------------------------------------------------------------
 
@@ -299,7 +306,7 @@ class PoseHistory:
     def _is_place(lat_deg: float, lon_deg: float, alt_m: float, velocity: Floats) -> bool:
         """Return whether position and velocity are finite and on Earth."""
         on_earth = abs(lat_deg) <= 90 and abs(lon_deg) <= 180
-        return on_earth and bool(np.isfinite(alt_m) and np.isfinite(velocity).all())
+        return on_earth and math.isfinite(alt_m) and all(map(math.isfinite, velocity.tolist()))
 
     def _jump_m(self, stamp_ns: int, position: Floats, velocity: Floats) -> Floats | None:
         """Return the jump (3,) of the estimate to a position, None if it is motion."""
@@ -312,7 +319,7 @@ class PoseHistory:
         if last[STRETCH] != self._stretch:  # the clock jumped in between: the elapsed time is unknown
             allowed_m += float(np.linalg.norm(way))
         jump: Floats = position - last[:3] - way
-        return jump if np.linalg.norm(jump) > allowed_m else None
+        return jump if math.sqrt(jump.dot(jump)) > allowed_m else None
 
     def _is_of_height(self, jump_enu_m: Floats, stamp_ns: int) -> bool:
         """Return whether a jump is a reset of the height alone, between two samples without a gap."""

@@ -22,6 +22,7 @@ ONE_OF = 32  # returns that are remembered, chosen by their own bits
 LEAST = 12  # different ones of them in a scan, to judge it
 SHARE = 0.8
 MOST = 100_000  # returns remembered, whatever the stamps say
+ROW_BYTES = 12  # of a return
 MIXED = np.uint32(0x9E3779B1)  # spreads the bits of a number over its highest ones (Knuth)
 
 
@@ -77,7 +78,8 @@ class RepeatedPicture:
             Time of the scan; one before that of the scan before begins anew.
         """
         forward = xyz_sensor_m[:, 0].view(np.uint32) * MIXED
-        chosen = {row.tobytes() for row in xyz_sensor_m[forward < 2**32 // ONE_OF]}
+        rows = xyz_sensor_m[forward < 2**32 // ONE_OF].tobytes()
+        chosen = {rows[at : at + ROW_BYTES] for at in range(0, len(rows), ROW_BYTES)}
         self._forget(stamp_ns)
         again = 0
         for row in chosen:
