@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.runtime.frozen_record import replaced
 
 # EKF_STATUS_REPORT (ArduPilot) and ESTIMATOR_STATUS (PX4) use the same bits for these flags.
 ATTITUDE: int = mavlink.EKF_ATTITUDE
@@ -133,7 +135,7 @@ def reduce(health: Health, message: Any, now_ns: int) -> Health:
 def _estimator(health: Health, m: Any, now_ns: int) -> Health:
     since_ns = health.fixless_since_ns
     lasting = since_ns is not None and now_ns - since_ns > DEAD_RECKONING_NS
-    return replace(
+    return replaced(
         health,
         estimator=m.flags,
         estimator_had=health.estimator_had | m.flags,
@@ -145,7 +147,7 @@ def _estimator(health: Health, m: Any, now_ns: int) -> Health:
 def _sys_status(health: Health, m: Any, now_ns: int) -> Health:
     enabled = m.onboard_control_sensors_present & m.onboard_control_sensors_enabled
     fenced = bool(enabled & mavlink.MAV_SYS_STATUS_GEOFENCE)
-    return replace(health, unhealthy=enabled & ~m.onboard_control_sensors_health, fenced=fenced)
+    return replaced(health, unhealthy=enabled & ~m.onboard_control_sensors_health, fenced=fenced)
 
 
 def _gps(health: Health, m: Any, now_ns: int) -> Health:
@@ -153,14 +155,14 @@ def _gps(health: Health, m: Any, now_ns: int) -> Health:
     first_ns, second_ns = health.fixed_ns
     both = (fixed_ns, second_ns) if m.get_type() == "GPS_RAW_INT" else (first_ns, fixed_ns)
     if any(at_ns is not None and now_ns - at_ns < FIX_HOLD_NS for at_ns in both):
-        return replace(health, fixed_ns=both, had_fix=True, fixless_since_ns=None, is_placed_otherwise=False)
+        return replaced(health, fixed_ns=both, had_fix=True, fixless_since_ns=None, is_placed_otherwise=False)
     since_ns = health.fixless_since_ns
     since_ns = now_ns if since_ns is None and health.had_fix else since_ns
-    return replace(health, fixed_ns=both, fixless_since_ns=since_ns)
+    return replaced(health, fixed_ns=both, fixless_since_ns=since_ns)
 
 
 def _fence(health: Health, m: Any, now_ns: int) -> Health:
-    return replace(health, breached=m.breach_status != 0)
+    return replaced(health, breached=m.breach_status != 0)
 
 
 def _text(health: Health, m: Any, now_ns: int) -> Health:
@@ -168,27 +170,27 @@ def _text(health: Health, m: Any, now_ns: int) -> Health:
         return health
     words = str(m.text).strip()
     if TARGET_LOST in words.lower():
-        return replace(health, target_lost_ns=now_ns)
-    return replace(health, alarm=words, alarm_ns=now_ns)
+        return replaced(health, target_lost_ns=now_ns)
+    return replaced(health, alarm=words, alarm_ns=now_ns)
 
 
 def _channels(health: Health, m: Any, now_ns: int) -> Health:
     if m.chan1_raw not in NO_CHANNEL and m.chan2_raw not in NO_CHANNEL:
-        health = replace(health, sticks_us=(m.chan1_raw, m.chan2_raw))
+        health = replaced(health, sticks_us=(m.chan1_raw, m.chan2_raw))
     switches = tuple(getattr(m, f"chan{number}_raw") for number in range(5, 17))
     moved = any(
         abs(new - old) > MOVED_US
         for old, new in zip(health.switches_us, switches, strict=False)
         if old not in NO_CHANNEL and new not in NO_CHANNEL
     )
-    return replace(health, switches_us=switches, switched_ns=now_ns if moved else health.switched_ns)
+    return replaced(health, switches_us=switches, switched_ns=now_ns if moved else health.switched_ns)
 
 
 def _manual_control(health: Health, m: Any, now_ns: int) -> Health:
     """Use PX4's MANUAL_CONTROL: -1000 to 1000, x pitch, y roll."""
     if NO_AXIS in (m.x, m.y):
         return health
-    return replace(health, sticks_us=(1500 + m.y // 2, 1500 + m.x // 2))
+    return replaced(health, sticks_us=(1500 + m.y // 2, 1500 + m.x // 2))
 
 
 _REDUCERS: dict[str, Callable[[Health, Any, int], Health]] = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -21,6 +21,7 @@ from companion.flight.link.vehicle_class import (
     VTOL_UNHEARD,
     no_command_reason,
 )
+from companion.runtime.frozen_record import replaced
 
 Landed = Literal["unknown", "on_ground", "in_air", "takeoff", "landing"]
 Vector = tuple[float, float, float]
@@ -172,11 +173,11 @@ def reduce(state: VehicleState, message: Any, now_ns: int, stays_ms: int = STAYS
     if verdict == "old":
         return state
     if kind in FIX_MESSAGES:
-        state = replace(state, fix=state.fix.updated(message))
+        state = replaced(state, fix=state.fix.updated(message))
     reducer = _REDUCERS.get(kind)
     state = state if reducer is None else reducer(state, message, now_ns)
     found = health.reduce(state.health, message, now_ns)
-    return state if found is state.health else replace(state, health=found)
+    return state if found is state.health else replaced(state, health=found)
 
 
 def note_time(state: VehicleState, boot_ms: int, now_ns: int) -> VehicleState:
@@ -186,7 +187,7 @@ def note_time(state: VehicleState, boot_ms: int, now_ns: int) -> VehicleState:
 
 
 def _ordered(state: VehicleState, order: MessageOrder) -> VehicleState:
-    return state if order is state.order else replace(state, order=order, boot_ms=order.newest_ms)
+    return state if order is state.order else replaced(state, order=order, boot_ms=order.newest_ms)
 
 
 def _restarted(state: VehicleState, order: MessageOrder) -> VehicleState:
@@ -215,7 +216,7 @@ def _heartbeat(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
         autopilot = "ardupilot"
     elif m.autopilot == mavlink.MAV_AUTOPILOT_PX4:
         autopilot = "px4"
-    heard = replace(
+    heard = replaced(
         state,
         sysid=m.get_srcSystem(),
         autopilot=autopilot,
@@ -232,14 +233,14 @@ def _current_mode(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
     reported = _mode(state, m, now_ns)
     if reported is state:
         return state
-    return replace(reported, displaced=m.intended_custom_mode not in (0, m.custom_mode))
+    return replaced(reported, displaced=m.intended_custom_mode not in (0, m.custom_mode))
 
 
 def _mode(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
     """Use the mode of a HEARTBEAT or CURRENT_MODE, whichever was sent later."""
     if state.sysid is None or _overtaken(state.autopilot, m, state.mode_seq, state.mode_heard_ns, now_ns):
         return state
-    return replace(
+    return replaced(
         state,
         mode=mode_name(state.autopilot, state.vehicle_type, m.custom_mode),
         custom_mode=m.custom_mode,
@@ -264,23 +265,23 @@ _LANDED: dict[int, Landed] = {1: "on_ground", 2: "in_air", 3: "takeoff", 4: "lan
 
 def _extended_sys_state(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
     landed = _LANDED.get(m.landed_state, "unknown")
-    return replace(state, reported_landed=landed, vtol_state=m.vtol_state, vtol_heard_ns=now_ns)
+    return replaced(state, reported_landed=landed, vtol_state=m.vtol_state, vtol_heard_ns=now_ns)
 
 
 def _parameter(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
     is_told = state.autopilot == "ardupilot" and m.param_id.rstrip("\0") == PLANE_PARAMETER
-    return replace(state, is_plane=True) if is_told and not state.is_plane else state
+    return replaced(state, is_plane=True) if is_told and not state.is_plane else state
 
 
 def _sys_status(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
     volts = m.voltage_battery / 1000 if 0 < m.voltage_battery < 0xFFFF else state.battery_v
-    return replace(state, battery_pct=_percent(m.battery_remaining, state.battery_pct), battery_v=volts)
+    return replaced(state, battery_pct=_percent(m.battery_remaining, state.battery_pct), battery_v=volts)
 
 
 def _battery_status(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
     if m.id != 0:
         return state
-    return replace(state, battery_pct=_percent(m.battery_remaining, state.battery_pct))
+    return replaced(state, battery_pct=_percent(m.battery_remaining, state.battery_pct))
 
 
 def _percent(value: int, old: float | None) -> float | None:
@@ -288,14 +289,14 @@ def _percent(value: int, old: float | None) -> float | None:
 
 
 def _home_position(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
-    return replace(state, home_lla=_lla(m.latitude, m.longitude, m.altitude) or state.home_lla)
+    return replaced(state, home_lla=_lla(m.latitude, m.longitude, m.altitude) or state.home_lla)
 
 
 def _global_position(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
     lla = _lla(m.lat, m.lon, m.alt, zero=state.fix.good is True)
     if lla is None:
         return state
-    return replace(
+    return replaced(
         state,
         position_lla=lla,
         position_boot_ms=m.time_boot_ms,
@@ -309,7 +310,7 @@ def _local_position(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
     local = (float(m.x), float(m.y), float(m.z))
     if not all(map(math.isfinite, local)):
         return state
-    return replace(state, local_ned_m=local, local_boot_ms=m.time_boot_ms)
+    return replaced(state, local_ned_m=local, local_boot_ms=m.time_boot_ms)
 
 
 def _attitude(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
@@ -317,7 +318,7 @@ def _attitude(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
     rates = (float(m.rollspeed), float(m.pitchspeed), float(m.yawspeed))
     if quaternion is None or not all(map(math.isfinite, rates)):
         return state
-    return replace(state, attitude_wxyz=quaternion, rates_rad_s=rates)
+    return replaced(state, attitude_wxyz=quaternion, rates_rad_s=rates)
 
 
 def unit_quaternion(w: float, x: float, y: float, z: float) -> Quaternion | None:

@@ -8,9 +8,11 @@ the time before comes no more, and TIMESYNC, where the autopilot answers it, agr
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal
+
+from companion.runtime.frozen_record import replaced
 
 # A time this far behind the newest contradicts it; a nearer one belongs to a message that was overtaken.
 BEHIND_MS = 1000
@@ -67,15 +69,15 @@ class MessageOrder:
     ) -> tuple[MessageOrder, Verdict]:
         """Return the order with a message stamped by boot time, and what the message is."""
         if self.newest_ms is None or not (self.settled or self._continues(boot_ms, now_ns)):
-            return replace(self._with(kind, boot_ms * 1000), newest_ms=boot_ms, heard_ns=now_ns), "next"
+            return self._with(kind, boot_ms * 1000, newest_ms=boot_ms, heard_ns=now_ns), "next"
         if not self._continues(boot_ms, now_ns):
             return self._contradicted(boot_ms, now_ns, stays_ms)
         if self._is_old(kind, boot_ms):
             return self, "old"
-        found = self._believed()._with(kind, boot_ms * 1000)
-        if boot_step_ms(self.newest_ms, boot_ms) > 0:
-            found = replace(found, newest_ms=boot_ms, heard_ns=now_ns, settled=True)
-        return found, "next"
+        believed = self._believed()
+        if boot_step_ms(self.newest_ms, boot_ms) <= 0:
+            return believed._with(kind, boot_ms * 1000), "next"
+        return believed._with(kind, boot_ms * 1000, newest_ms=boot_ms, heard_ns=now_ns, settled=True), "next"
 
     def judge_other(self, message: Any) -> tuple[MessageOrder, Verdict]:
         """Return the order with a message whose stamp tells nothing of restarts, and what the message is."""
@@ -103,10 +105,10 @@ class MessageOrder:
         other = OtherTime(boot_ms, boot_ms, now_ns, 1 if last is None else last.messages + 1)
         if last is not None and _goes_on(last.newest_ms, boot_ms, BEHIND_MS, now_ns - last.heard_ns):
             newest_ms = max(last.newest_ms, boot_ms)
-            other = replace(other, first_ms=last.first_ms, newest_ms=newest_ms)
+            other = replaced(other, first_ms=last.first_ms, newest_ms=newest_ms)
         if other.newest_ms - other.first_ms >= stays_ms:
             return MessageOrder(other.newest_ms, now_ns, settled=True, old=self.old), "restart"
-        return replace(self, other=other), "old"
+        return replaced(self, other=other), "old"
 
     def _is_old(self, kind: str, boot_ms: int) -> bool:
         newest_us = self.newest_us.get(kind)
@@ -116,10 +118,10 @@ class MessageOrder:
         """Return the order after the newest time was confirmed: what contradicted it is old."""
         if self.other is None:
             return self
-        return replace(self, other=None, old=self.old + self.other.messages)
+        return replaced(self, other=None, old=self.old + self.other.messages)
 
-    def _with(self, kind: str, stamp_us: int) -> MessageOrder:
-        return replace(self, newest_us={**self.newest_us, kind: stamp_us})
+    def _with(self, kind: str, stamp_us: int, **changes: Any) -> MessageOrder:
+        return replaced(self, newest_us={**self.newest_us, kind: stamp_us}, **changes)
 
 
 def _goes_on(newest_ms: int, boot_ms: int, ahead_ms: int, passed_ns: int) -> bool:
