@@ -45,14 +45,14 @@ class Nearby:
         reach = FOOT_M / self.cell_m
         if not math.isfinite(row + col):
             return math.nan
-        rows = np.arange(max(0, math.ceil(row - reach)), math.floor(row + reach) + 1)
-        cols = np.arange(max(0, math.ceil(col - reach)), math.floor(col + reach) + 1)
-        part = (
-            self.ground_m[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1] if rows.size and cols.size else None
+        rows, cols = (
+            slice(max(0, math.ceil(at - reach)), max(0, math.floor(at + reach) + 1)) for at in (row, col)
         )
-        if part is None or not np.isfinite(part).any():
+        part = self.ground_m[rows, cols]
+        known = np.sort(part[~np.isnan(part)])
+        if not len(known):
             return math.nan
-        return float(np.nanmedian(part))
+        return float((known[(len(known) - 1) // 2] + known[len(known) // 2]) / 2)
 
     def columns_enu_m(self, above_m: float) -> NDArray[np.float64]:
         """Return (n, 3) centres and tops of the cells that reach higher than `above_m`."""

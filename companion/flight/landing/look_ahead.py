@@ -13,6 +13,8 @@ import numpy as np
 from companion.flight.landing.guidance import BRAKING_MS2
 from companion.flight.landing.situation import Vector
 from params import Parameters
+from slz.kernels.argument_types import Array1D, ReadOnly2D
+from slz.kernels.jit import kernel, kernel_part
 
 ASIDE_M = 1.5  # half the width of the corridor, for a vehicle that is not wider
 LEVEL_M = 2.0  # half its height
@@ -44,11 +46,11 @@ def limit_velocity(
     aside_m
         Half the width of the way that must be free.
     """
-    horizontal = limit_horizontal(velocity_frd_ms[:2], around_frd_m, least_m, aside_m)
+    around = np.ascontiguousarray(around_frd_m, np.float64)
+    horizontal = _limit_horizontal(velocity_frd_ms[:2], around, least_m, aside_m)
     wanted_sink = sink = float(velocity_frd_ms[2])
     if sink < 0:
-        above = np.hypot(around_frd_m[:, 0], around_frd_m[:, 1]) < aside_m
-        sink = max(sink, -stopping_speed_ms(-around_frd_m[above, 2], least_m))
+        sink = max(sink, -stopping_speed_ms(nearest_above_m(around, least_m, aside_m)))
     wanted, left = float(np.hypot(*velocity_frd_ms[:2])), float(np.hypot(*horizontal))
     return Limited(
         np.array([*horizontal, sink]),
@@ -63,24 +65,56 @@ def half_width_m(parameters: Parameters) -> float:
     return max(ASIDE_M, p.footprint_m / 2, p.greatest_dimension_m / 2)
 
 
-def limit_horizontal(
-    velocity_ms: Vector, around_m: Vector, least_m: float, aside_m: float = ASIDE_M
-) -> Vector:
+def _limit_horizontal(velocity_ms: Vector, around_m: Vector, least_m: float, aside_m: float) -> Vector:
     """Return the horizontal velocity (2,), limited by the obstacles in its corridor."""
     speed = float(np.hypot(*velocity_ms))
     if speed < 1e-6:
         return np.zeros(2)
     way = velocity_ms / speed
-    along = around_m[:, :2] @ way
-    aside = np.abs(around_m[:, :2] @ np.array([-way[1], way[0]]))
-    ahead = along[(aside < aside_m) & (np.abs(around_m[:, 2]) < LEVEL_M)]
-    return np.asarray(way * min(speed, stopping_speed_ms(ahead, least_m)))
+    ahead_m = nearest_ahead_m(around_m, float(way[0]), float(way[1]), least_m, aside_m, LEVEL_M)
+    return np.asarray(way * min(speed, stopping_speed_ms(ahead_m)))
 
 
-def stopping_speed_ms(ahead_m: Vector, least_m: float) -> float:
-    """Return the greatest speed that can be braked before the nearest of the distances ahead."""
-    ahead_m = ahead_m[ahead_m > least_m]
-    if len(ahead_m) <= STRAYS:
-        return math.inf
-    nearest = float(np.partition(ahead_m, STRAYS)[STRAYS])
-    return math.sqrt(2 * BRAKING_MS2 * max(0.0, nearest - MARGIN_M))
+def stopping_speed_ms(ahead_m: float) -> float:
+    """Return the greatest speed that can be braked before something at a distance ahead."""
+    return math.sqrt(2 * BRAKING_MS2 * max(0.0, ahead_m - MARGIN_M))
+
+
+@kernel_part
+def _sift(distance: float, least: Array1D[np.float64]) -> None:
+    """Insert a distance into the least ones, ascending."""
+    for k in range(len(least)):
+        if distance < least[k]:
+            distance, least[k] = least[k], distance
+
+
+@kernel
+def nearest_ahead_m(
+    around: ReadOnly2D[np.float64],
+    forward: float,
+    right: float,
+    least_m: float,
+    aside_m: float,
+    level_m: float,
+) -> float:
+    """Return the distance of the nearest point beyond `least_m` in a corridor but `STRAYS`, inf without one.
+
+    forward, right: unit vector of the corridor; aside_m, level_m: half its width and height.
+    """
+    nearest = np.full(STRAYS + 1, np.inf)
+    for i in range(len(around)):
+        x, y = around[i, 0], around[i, 1]
+        along = x * forward + y * right
+        if abs(around[i, 2]) < level_m and along > least_m and abs(y * forward - x * right) < aside_m:
+            _sift(along, nearest)
+    return float(nearest[STRAYS])
+
+
+@kernel
+def nearest_above_m(around: ReadOnly2D[np.float64], least_m: float, aside_m: float) -> float:
+    """Return the height of the lowest point beyond `least_m` above but `STRAYS`, infinite without one."""
+    nearest = np.full(STRAYS + 1, np.inf)
+    for i in range(len(around)):
+        if -around[i, 2] > least_m and math.hypot(around[i, 0], around[i, 1]) < aside_m:
+            _sift(-around[i, 2], nearest)
+    return float(nearest[STRAYS])

@@ -22,6 +22,7 @@ class Restart:
     def __init__(self, memory: LandingMemory) -> None:
         self._memory, self._previous = memory, memory.previous
         self._first_ns: int | None = None
+        self._kept: tuple[object, ...] | None = None
         self.decided = False
 
     def update(
@@ -48,9 +49,14 @@ class Restart:
         self, executive: Executive, frame: LocalFrame | None, sysid: int | None, boot_ms: int | None
     ) -> None:
         if executive.phase not in COMMANDING:
+            self._kept = None
             self._memory.keep(None)
         elif sysid is not None and boot_ms is not None:
             aim, nowhere = executive.aim_enu_m, (float("nan"),) * 3
+            kept = executive.phase, sysid, frame, None if aim is None else tuple(aim.tolist())
+            if kept == self._kept:
+                return  # nothing that the record would show differently
+            self._kept = kept
             place = nowhere if aim is None or frame is None else frame.lla(aim)
             lat, lon, alt = (float(v) for v in place)
             self._memory.keep(Landing(executive.phase.value, sysid, boot_ms, lat, lon, alt))

@@ -94,14 +94,16 @@ class MessageSchedule:
     async def run(self) -> None:
         """Send until cancelled."""
         p = self._parameters
+        streams: list[tuple[str, Callable[[], float], Callable[[], None]]] = [
+            ("landing target", lambda: p.landing_target_hz, self.send_target),
+            ("obstacles", lambda: p.obstacle_hz, self.send_obstacles),
+            ("height", lambda: HEIGHT_HZ, self.send_height),
+            ("status", lambda: STATUS_HZ, self.send_status),
+        ]
+        if p.odometry == "autopilot":  # which stays as it was at the start
+            streams.append(("odometry", lambda: ODOMETRY_LOOK_HZ, self.send_odometry))
         async with asyncio.TaskGroup() as group:
-            for name, hz, send in (
-                ("landing target", lambda: p.landing_target_hz, self.send_target),
-                ("obstacles", lambda: p.obstacle_hz, self.send_obstacles),
-                ("height", lambda: HEIGHT_HZ, self.send_height),
-                ("status", lambda: STATUS_HZ, self.send_status),
-                ("odometry", lambda: ODOMETRY_LOOK_HZ, self.send_odometry),
-            ):
+            for name, hz, send in streams:
                 group.create_task(_every(hz, send), name=name)
 
     def statistics(self) -> dict[str, Any]:

@@ -48,6 +48,11 @@ def pack_batch(batch: Batch) -> bytes:
     return b"".join(part for at_ns, packet in batch for part in (_PACKET.pack(at_ns, len(packet)), packet))
 
 
+def packed_bytes(batch: Batch) -> int:
+    """Return the length of that message."""
+    return sum(_PACKET.size + len(packet) for _, packet in batch)
+
+
 def unpack_batch(data: bytes) -> Batch:
     """Decode the packets of a message with their arrival times.
 

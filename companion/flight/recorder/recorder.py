@@ -108,7 +108,7 @@ class Recorder:
 
     def packets(self, batch: journal.Batch) -> None:
         """Record a batch of the sensor's packets, before decoding."""
-        self._raw(journal.LIDAR, journal.pack_batch(batch), now_ns())
+        self._raw(journal.LIDAR, lambda: journal.pack_batch(batch), now_ns(), journal.packed_bytes(batch))
 
     def odometry_messages(self, batch: journal.Batch) -> None:
         """Record messages of an external odometry, before decoding."""
@@ -181,11 +181,11 @@ class Recorder:
 
     # ---- parts ----------------------------------------------------------------------------------
 
-    def _raw(self, topic: str, data: bytes | Callable[[], Any], at_ns: int) -> None:
+    def _raw(self, topic: str, data: bytes | Callable[[], Any], at_ns: int, size: int = SMALL_BYTES) -> None:
         """Record replay data, and the gap after a loss."""
         if self._lost and self._put(journal.GAP, json.dumps({"lost": self._lost}).encode(), at_ns):
             self._lost = 0
-        if self._lost or not self._put(topic, data, at_ns):
+        if self._lost or not self._put(topic, data, at_ns, size):
             self._lost += 1
 
     def _put(self, topic: str, data: bytes | Callable[[], Any], at_ns: int, size: int = SMALL_BYTES) -> bool:

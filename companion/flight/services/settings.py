@@ -79,15 +79,21 @@ class Settings:
 
 
 class _Live:
-    """View of the parameters in force."""
-
-    __slots__ = ("_settings",)
+    """View of the parameters in force; what was read is at hand until one of them changes."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
+        settings.on_change.subscribe(self._forget)
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self._settings.running, name)
+        value = getattr(self._settings.running, name)
+        self.__dict__[name] = value
+        return value
+
+    def _forget(self, _name: str, _value: Any) -> None:
+        settings = self._settings
+        self.__dict__.clear()
+        self._settings = settings
 
 
 def load(profile: str, settings: Iterable[str], state: StateDir) -> Parameters:

@@ -138,3 +138,26 @@ def test_what_is_over_is_forgotten_and_what_is_damaged_is_nothing(tmp_path: Path
     assert LandingMemory(state).previous is None
     (tmp_path / FILE).write_text('{"phase": ')
     assert LandingMemory(state).previous is None
+
+
+def test_the_record_follows_the_landing_under_way(tmp_path: Path) -> None:
+    state = StateDir(tmp_path)
+    flight, restart = Flight([zone(1, 20, 0)]), Restart(LandingMemory(state))
+
+    def recorded() -> Landing | None:
+        restart.update(flight.situation(), flight.executive, FRAME, 1, round(flight.time_s * 1e3) + 1)
+        return LandingMemory(state).previous
+
+    assert recorded() is None
+    flight.fly_to(Phase.APPROACH)
+    first = recorded()
+    assert first is not None
+    flight.run(0.2)
+    assert recorded() == first  # of the moment when phase and point became so
+    flight.fly_to(Phase.DESCEND)
+    then = recorded()
+    assert then is not None
+    assert (then.phase, then.lat_deg) == ("descend", first.lat_deg)
+    assert then.boot_ms > first.boot_ms
+    flight.fly_to(Phase.LANDED)
+    assert recorded() is None

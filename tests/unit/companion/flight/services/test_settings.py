@@ -72,6 +72,14 @@ def test_a_live_value_must_go_with_those_in_force_and_with_those_of_the_next_sta
     assert (settings.live.commit_height_m, settings.live.hold_s) == (50.0, 8.0)
 
 
+def test_the_live_view_shows_a_change_after_it_was_read() -> None:
+    settings = Settings(params.Parameters())
+    live = settings.live
+    assert (live.survey_s, live.hold_s) == (settings.running.survey_s, 8.0)
+    assert settings.change("survey_s", 33.0).accepted
+    assert (live.survey_s, live.hold_s) == (33.0, 8.0)
+
+
 @pytest.mark.parametrize(("name", "value"), [("odometry", "autopilot"), ("mode", "source")])
 def test_a_value_that_must_not_fly_is_refused_and_the_old_one_kept(
     name: str, value: str, tmp_path: Path
