@@ -6,12 +6,14 @@ import numpy as np
 
 from params import Parameters
 from slz.frame import LocalFrame
+from slz.kernels.jit import load_kernels
 from slz.pipeline import Pipeline
 from slz.window import Window
 
 
 def warm_up(parameters: Parameters) -> None:
-    """Run the pipeline on two windows of synthetic ground, and discard the result."""
+    """Load all kernels, run the pipeline on two windows of synthetic ground, and discard the result."""
+    load_kernels(parameters.mode == "source")
     rng = np.random.default_rng(0)
     side = 12 * max(parameters.cell_m, parameters.footprint_m, parameters.min_square_m / 4)
     points = np.column_stack([rng.uniform(-side, side, (4000, 2)), rng.normal(0, 0.01, 4000)])

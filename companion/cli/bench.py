@@ -11,6 +11,7 @@ from rich.table import Table
 
 from companion.cli.console import compile_at_first, stdout_console
 from companion.cli.options import Json
+from companion.runtime import kernel_compilation
 
 
 def bench(
@@ -24,7 +25,7 @@ def bench(
     as_json: Json = False,
 ) -> None:
     """Time the pipeline on windows of 1 s of a file of points."""
-    compile_at_first(mode)
+    compile_at_first(kernel_compilation.of_flight(mode))
     from companion.desk import benchmark
 
     case = benchmark.Case(points, cell_m, zone_m, min_square_m, min_boundary, mode, windows)

@@ -22,7 +22,7 @@ def calibrate(
 ) -> None:
     """Find the LiDAR's boresight and time offset from a recorded flight over ground seen several times."""
     extras.require("record", "slz calibrate")
-    set_up_logging(verbose)
+    set_up_logging(verbose, {})
     from companion.desk.calibrate import calibration
 
     summary = calibration.run(file, setting)

@@ -31,23 +31,22 @@ def stdout_console() -> Console:
     return Console() if sys.stdout.isatty() else Console(width=WIDE)
 
 
-def compile_at_first(mode: str = "default") -> None:
-    """Compile missing kernels and explain why that takes minutes."""
-    also = kernel_compilation.of_mode(mode)
-    if not kernel_compilation.is_first(also):
+def compile_at_first(needs: kernel_compilation.Needs) -> None:
+    """Compile missing kernels and explain why that takes a minute."""
+    if not kernel_compilation.is_first(needs):
         return
-    err.print("first start: compiling the kernels for this computer, a few minutes, once", highlight=False)
+    err.print("first start: compiling the kernels for this computer, a minute or two, once", highlight=False)
     columns = TextColumn("kernels"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as shown:
         task = shown.add_task("")
         kernel_compilation.compile_kernels(
-            lambda done, total: shown.update(task, completed=done, total=total), also
+            lambda done, total: shown.update(task, completed=done, total=total), needs
         )
 
 
-def set_up_logging(verbose: bool, mode: str = "default") -> None:
-    """Log to stderr, in colour on a terminal; compile missing kernels first."""
-    compile_at_first(mode)
+def set_up_logging(verbose: bool, needs: kernel_compilation.Needs | None = None) -> None:
+    """Compile missing kernels, by default those of flights; log to stderr, in colour on a terminal."""
+    compile_at_first(kernel_compilation.of_flight() if needs is None else needs)
     level = logging.DEBUG if verbose else logging.INFO
     if err.is_terminal:
         rich = RichHandler(console=err, show_path=False, rich_tracebacks=False)

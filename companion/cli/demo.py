@@ -15,7 +15,7 @@ from companion.cli.options import Background, DashboardToken, Json, Prior, Profi
 from companion.desk.demo.demo_options import INTRUDERS, SCENES, DemoOptions, check
 from companion.desk.demo.demo_sensors import SENSORS, sensor_named, usual_sensor
 from companion.desk.demo.demo_summary import table
-from companion.runtime import extras
+from companion.runtime import extras, kernel_compilation
 
 DEMO_PAGE = "127.0.0.1:0"  # any free port
 
@@ -76,13 +76,13 @@ def demo(
         dashboard = _page_of_demo()
     if prior is not None:
         extras.require("survey", "--prior")
-    set_up_logging(verbose)
+    set_up_logging(verbose, {})
     from companion.desk.demo import demonstration
 
     high_m = params.check_airworthy(params.load(profile, setting)).survey_height_m
     chosen = sensor_named(sensor or usual_sensor(high_m))
     parameters = params.load(profile, [*chosen.settings_for(scene), *setting])
-    compile_at_first(parameters.mode)
+    compile_at_first(kernel_compilation.of_flight(parameters.mode) | kernel_compilation.of_simulator())
     plan = DemoOptions(
         scene, seed, speedup, out, intruder, point_rate, limit_s, chosen, prior, wind, wind_from
     )

@@ -26,7 +26,7 @@ def doctor(
     verbose: Verbose = False,
 ) -> None:
     """Check link, clock, autopilot parameters, LiDAR and this computer; exit 1 if what is needed is wrong."""
-    set_up_logging(verbose)
+    set_up_logging(verbose, {})
     from companion.flight.doctor import consultation
 
     parameters = params.load(profile, setting)

@@ -12,7 +12,7 @@ import typer
 import params
 from companion.cli.console import progress, set_up_logging, stdout_console, zone_table
 from companion.cli.options import Json, Profile, Settings, Verbose
-from companion.runtime import extras
+from companion.runtime import extras, kernel_compilation
 
 UNBLOCKED = {"ways not blocked °": lambda zone: str(zone["corridors"]["unblocked_deg"])}
 
@@ -67,7 +67,7 @@ def map_(
     with survey.engine(scheduler, workers) as engine:
         plan = survey.MapOptions(crs, classified, tile_m, engine, vertical_unit, corridors)
         plan.check(out, parameters)
-        set_up_logging(verbose, parameters.mode)
+        set_up_logging(verbose, kernel_compilation.of_survey(parameters.mode))
         with progress(as_json) as step:
             summary = survey.run(files, out, parameters, step, plan)
     if as_json:

@@ -25,7 +25,7 @@ from companion.cli.options import (
     System,
     Verbose,
 )
-from companion.runtime import extras
+from companion.runtime import extras, kernel_compilation
 from companion.runtime.errors import UsageError
 
 
@@ -69,7 +69,7 @@ def run(
     ):
         if given is not None:
             extras.require(extra, option)
-    set_up_logging(verbose)
+    set_up_logging(verbose, {})
     from companion.flight.services import settings
     from companion.runtime.state_directory import StateDir, default_state_dir
 
@@ -77,7 +77,7 @@ def run(
         raise UsageError(f"--land {land!r}: use ask or auto")
     state = StateDir(state_dir or default_state_dir())
     parameters = settings.load(profile, setting, state)
-    compile_at_first(parameters.mode)
+    compile_at_first(kernel_compilation.of_flight(parameters.mode))
     from companion.cli import vehicle_run
 
     with page_endpoint(dashboard, dashboard_token, background) as front:

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+import gc
 import hashlib
 import importlib
 import itertools
 import logging
+import math
 import os
 import queue
 import re
 import runpy
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from subprocess import DEVNULL, PIPE
-from types import ModuleType
 from typing import IO, cast
 
 from params import Parameters
@@ -24,92 +25,133 @@ from params import Parameters
 log = logging.getLogger(__name__)
 
 ROOT = Path(__file__).parents[2]
-FLOWN = ("slz/kernels", "companion/flight")  # folders with kernels of a flight
-_OF_KERNELS = runpy.run_path(str(ROOT / "slz" / "kernels" / "source_stamp.py"))  # its package would load all
+_OF_KERNELS = runpy.run_path(str(ROOT / "slz" / "kernels" / "source_stamp.py"))  # its package loads Numba
 sources_of: Callable[[Path, Path], dict[Path, bytes]] = _OF_KERNELS["sources_of"]
 stamp: Callable[[Path, Path], bytes] = _OF_KERNELS["stamp"]
+KERNEL = re.compile(r"^@kernel(?:  #.*)?\ndef (\w+)", re.MULTILINE)  # of every flight
+OF_SOURCE_MODE = re.compile(KERNEL.pattern.replace("@kernel", "@kernel(?:_of_source_mode)?"), re.MULTILINE)
+ALL = re.compile(KERNEL.pattern.replace("@kernel", "@kernel(?:_of_source_mode|_at_call)?"), re.MULTILINE)
 COMPILED = f"*.py{sys.version_info.major}{sys.version_info.minor}.nbi"  # Numba's index files
-EAGER = re.compile(rb"^@kernel$", re.MULTILINE)  # compiled at import; others with their callers
-# Folders of `slz/kernels` that not every flight needs.
-OF_SOURCE_MODE = frozenset({"paper"})
-SELDOM = frozenset({"instruments", "survey"})  # take seconds to compile, at their first use
-NO_MORE = frozenset[str]()
+FLOWN = ("slz/kernels", "companion/flight")  # folders with kernels of a flight
+# Folders and modules that few flights need; they take seconds to compile, at their first use.
+SELDOM = frozenset({"instruments", "survey", "paper", "odometry", "ouster_points", "velodyne_points"})
 MOST_CORES = 4  # half a gigabyte of memory each
 
+# Kernels that `slz map` calls, by module of `slz/kernels`; another one is compiled at its first call.
+OF_SURVEY = {
+    "air/corridor_obstacles": "clear_over",
+    "cells/cell_statistics": "expected_maximum summarise",
+    "footprint/derive_maps": "derive_box",
+    "footprint/patch": "rows_of_patch",
+    "points/histogram": "ends_of",
+    "polygons/boundary_tracing": "trace_boundary",
+    "polygons/cell_rings": "boundary_rings",
+    "polygons/contour": "corner_indices squares",
+    "polygons/inner_simplification": "simplify_inside",
+    "raster/connected_components": "cells_around components highest_cells largest_groups medians"
+    " put_without_small_parts",
+    "raster/distance_transform": "distances2 greatest_clearance largest_square most_certain",
+    "raster/morphology": "above closed complement dilated enclosed eroded exceeds minimum_filter",
+    "raster/region_fill": "fill",
+    "raster/square_erosion": "erode_to_side",
+    "raster/zonal_sums": "count zonal_sums",
+    "surface/dark_returns": "dark_returns",
+    "surface/level_extents": "add_coarse coarser extents_of",
+    "surface/penetration": "penetration",
+    "surface/raised_plateaus": "raised_plateaus",
+    "surface/smooth_planes": "smooth_planes",
+    "surface/specular_returns": "specular_returns",
+    "surface/vanishing_returns": "vanishing_returns",
+    "surface/weights_of_evidence": "decide weigh",
+    "survey/point_binning": "by_block count_heights count_lines count_squares evidence_of join place",
+    "survey/surface_sums": "add_sums count_apart",
+}
 
-def of_mode(mode: str) -> frozenset[str]:
-    """Return the folders of kernels that a mode needs besides those of every flight."""
-    return OF_SOURCE_MODE if mode == "source" else NO_MORE
+Needs = dict[Path, list[str]]  # modules, and names of their kernels
 
 
-def is_first(also: frozenset[str] = NO_MORE) -> bool:
-    """Return whether the compiled kernels of a flight are missing or out of date.
+def of_flight(mode: str = "default") -> Needs:
+    """Return the kernels that every flight in a mode loads."""
+    if mode == "source":
+        return _kernels_in(FLOWN, SELDOM - {"paper"}, OF_SOURCE_MODE)
+    return _kernels_in(FLOWN, SELDOM)
 
-    also: folders of kernels checked besides those of every flight.
-    """
+
+def of_survey(mode: str = "default") -> Needs:
+    """Return the kernels that `slz map` calls, in source mode those that it loads."""
+    if mode == "source":
+        return of_flight(mode) | _kernels_in(("slz/kernels/survey",))
+    return {ROOT / "slz" / "kernels" / f"{name}.py": names.split() for name, names in OF_SURVEY.items()}
+
+
+def of_simulator() -> Needs:
+    """Return the kernels of the simulator that are compiled at their import."""
+    return _kernels_in(("sitl",))
+
+
+def is_first(needs: Needs) -> bool:
+    """Return whether compiled kernels are missing or out of date."""
     if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
         return False  # nothing is ever compiled
-    compiled = _compiled()
-    return not all(_is_compiled(path, compiled.get(path.stem, [])) for path in _sources(also))
+    compiled, of_sitl = _compiled(), _stamp_of_simulator()
+    return not all(_are_compiled(path, names, compiled, of_sitl) for path, names in needs.items())
 
 
-def is_first_of_simulator() -> bool:
-    """Return whether the simulator's compiled kernels are missing or of other sources than it has now."""
-    if os.environ.get("NUMBA_DISABLE_JIT", "0") not in ("", "0"):
-        return False
-    compiled = _compiled()
-    sources = {path: path.read_bytes() for path in sorted((ROOT / "sitl").rglob("*.py"))}
-    whole = hashlib.sha256()
-    for content in sources.values():
-        whole.update(content)
-    text = whole.hexdigest().encode()  # with which `sitl.compilation` marks its cache
-    return not all(
-        any(text in index.read_bytes() for index in compiled.get(path.stem, []))
-        for path, content in sources.items()
-        if EAGER.search(content)
-    )
-
-
-def _compiled() -> dict[str, list[Path]]:
-    """Return Numba's index files by the name of the module."""
-    found: dict[str, list[Path]] = {}
+def _compiled() -> dict[tuple[str, str], list[Path]]:
+    """Return Numba's index files by the names of module and kernel."""
+    found: dict[tuple[str, str], list[Path]] = {}
     for folder in _caches():
         for path in folder.rglob(COMPILED):
-            found.setdefault(path.name.partition(".")[0], []).append(path)
+            module, _, kernel = path.name.partition(".")
+            found.setdefault((module, kernel.partition("-")[0]), []).append(path)
     return found
 
 
-def _is_compiled(source: Path, compiled: list[Path]) -> bool:
-    """Return whether a cached kernel is newer than its sources or has the same stamp, as Numba checks it."""
-    written = max(path.stat().st_mtime for path in sources_of(source, ROOT))
-    if any(path.stat().st_mtime >= written for path in compiled):
-        return True
-    text = stamp(source, ROOT).hex().encode()
-    return any(text in path.read_bytes() for path in compiled)
+def _are_compiled(
+    source: Path, names: list[str], compiled: dict[tuple[str, str], list[Path]], of_sitl: bytes
+) -> bool:
+    """Return whether each kernel is cached with the stamp of its sources, as Numba checks it."""
+    if ROOT / "sitl" in source.parents:
+        written, text = math.inf, of_sitl
+    else:
+        written = max(path.stat().st_mtime for path in sources_of(source, ROOT))
+        text = stamp(source, ROOT).hex().encode()
+    return all(
+        any(
+            path.stat().st_mtime >= written or text in path.read_bytes()
+            for path in compiled.get((source.stem, name), [])
+        )
+        for name in names
+    )
 
 
-def compile_kernels(progress: Callable[[int, int], None], also: frozenset[str] = NO_MORE) -> None:
+def _stamp_of_simulator() -> bytes:
+    """Return the hash of all sources with which `sitl.compilation` marks its cache."""
+    whole = hashlib.sha256()
+    for path in sorted((ROOT / "sitl").rglob("*.py")):
+        whole.update(path.read_bytes())
+    return whole.hexdigest().encode()
+
+
+def compile_kernels(progress: Callable[[int, int], None], needs: Needs) -> None:
     """Compile the missing kernels, one module per core at a time.
 
-    Errors are ignored here: whoever imports the kernels next compiles what is missing.
+    Errors are ignored here: whoever calls the kernels next compiles what is missing.
 
     Parameters
     ----------
     progress
         Called by several threads with the number of modules done and the total.
-    also
-        Folders of kernels compiled besides those of every flight.
     """
-    sources = sorted(_sources(also), key=lambda path: -path.stat().st_size)  # longest first
-    names = [".".join(path.relative_to(ROOT).with_suffix("").parts) for path in sources]
+    sources = sorted(needs, key=lambda path: -path.stat().st_size)  # longest first
     waiting, count = queue.SimpleQueue[str](), itertools.count(1)
-    for name in names:
-        waiting.put(name)
+    for path in sources:
+        waiting.put(" ".join([".".join(path.relative_to(ROOT).with_suffix("").parts), *needs[path]]))
     cores = min(MOST_CORES, len(os.sched_getaffinity(0)))
     children: list[subprocess.Popen[str]] = []
     with ThreadPoolExecutor(cores) as threads:
         try:
-            work = waiting, lambda: progress(next(count), len(names)), children
+            work = waiting, lambda: progress(next(count), len(sources)), children
             wait([threads.submit(_have_compiled, *work) for _ in range(cores)])
         except BaseException:  # a signal
             for child in children:
@@ -119,7 +161,7 @@ def compile_kernels(progress: Callable[[int, int], None], also: frozenset[str] =
 
 def everything() -> None:
     """Compile all kernels, at installation."""
-    compile_kernels(lambda *_: None, OF_SOURCE_MODE | SELDOM)
+    compile_kernels(lambda *_: None, _kernels_in((*FLOWN, "sitl"), kinds=ALL))
     importlib.import_module("companion.flight.app")
     importlib.import_module("slz.warm_up").warm_up(Parameters())
 
@@ -143,19 +185,17 @@ def _have_compiled(
         log.debug("no more is compiled: %r", error)
 
 
-def _kernels_alone() -> None:
-    """Replace the package `slz` with an empty one, because importing it would import all kernels first."""
-    package = ModuleType("slz")
-    package.__path__ = [str(ROOT / "slz")]
-    sys.modules["slz"] = package
-
-
-def _sources(also: frozenset[str] = NO_MORE) -> Iterator[Path]:
-    """Return the modules with kernels that are compiled at import."""
-    left_out = (OF_SOURCE_MODE | SELDOM) - also
-    for path in itertools.chain.from_iterable((ROOT / folder).rglob("*.py") for folder in FLOWN):
-        if path.parent.name not in left_out and EAGER.search(path.read_bytes()):
-            yield path
+def _kernels_in(
+    folders: tuple[str, ...], but: frozenset[str] = frozenset(), kinds: re.Pattern[str] = KERNEL
+) -> Needs:
+    """Return the kernels in folders, but those of some modules and folders."""
+    paths = sorted(itertools.chain.from_iterable((ROOT / folder).rglob("*.py") for folder in folders))
+    kernels = {
+        path: kinds.findall(path.read_text("utf-8"))
+        for path in paths
+        if not but & {path.parent.name, path.stem}
+    }
+    return {path: names for path, names in kernels.items() if names}
 
 
 def _caches() -> list[Path]:
@@ -166,8 +206,12 @@ def _caches() -> list[Path]:
     return [ROOT / "slz", ROOT / "companion", ROOT / "sitl", at_home]
 
 
-if __name__ == "__main__":  # child of `compile_kernels`: imports the modules named on stdin, one per line
-    _kernels_alone()
+if __name__ == "__main__":  # child of `compile_kernels`: a module and its kernels on each line of stdin
+    gc.set_threshold(20_000)  # less often: what the compiler makes is large, and little of it is garbage
     for line in sys.stdin:
-        importlib.import_module(line.strip())
+        module, *kernels = line.split()
+        own = vars(importlib.import_module(module))
+        for kernel in kernels:
+            if hasattr(own[kernel], "compiled"):  # not yet, as those of the simulator are at import
+                own[kernel].compiled()
         print("done", flush=True)

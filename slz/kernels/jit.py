@@ -16,6 +16,7 @@ from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type
 
 import numba
 import numpy as np
+from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
 from slz.kernels.source_stamp import stamp
@@ -24,19 +25,29 @@ log = logging.getLogger(__name__)
 
 F = TypeVar("F", bound=Callable[..., Any])
 SCALARS = {float: "float64", int: "int64", bool: "boolean", np.bool_: "boolean", NoneType: "void"}
+# Without the wrapper for C, which takes seconds of compilation over all kernels; nobody calls it.
+OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 ROOT = Path(__file__).parents[2]
 _logged = set[str]()  # modules
 
 
 def kernel(function: F) -> F:
-    """Compile a function at import, for the types in its annotations (`slz.kernels.argument_types`).
+    """Compile a function that flights call, for the types in its annotations (`slz.kernels.argument_types`).
 
-    A type variable with constraints stands for each of them, a compilation each.
+    A type variable with constraints stands for each of them, a compilation each. `load_kernels` compiles it,
+    or loads it from the cache, before a flight; later its import does, and elsewhere its first call.
     """
-    compiled = _compiled(function)
-    if isinstance(compiled, CPUDispatcher):
-        _compile(compiled)
-    return cast(F, compiled)
+    return _deferred(function, _of_flights)
+
+
+def kernel_of_source_mode(function: F) -> F:
+    """Compile a function that flights in source mode call, as `kernel` does."""
+    return _deferred(function, _of_source_mode)
+
+
+def kernel_at_call(function: F) -> F:
+    """Compile a function at its first call because no flight in the default mode calls it."""
+    return _deferred(function, [])
 
 
 def kernel_part(function: F) -> F:
@@ -44,25 +55,48 @@ def kernel_part(function: F) -> F:
 
     A kernel that comes from the cache contains its parts, which are then neither compiled nor loaded.
     """
-    compiled = _compiled(function)
-    if isinstance(compiled, CPUDispatcher):
-        compiled.__class__ = _UncompiledPart
-    return cast(F, compiled)
+    return _deferred(function, [])
 
 
-class _UncompiledPart(CPUDispatcher):
+def load_kernels(source_mode: bool = False) -> None:
+    """Compile or load all imported kernels of flights, so that no first call takes long in flight."""
+    global _loads_at_import
+    _loads_at_import = True
+    for waiting in (_of_flights, _of_source_mode)[: 1 + source_mode]:
+        while waiting:
+            if isinstance(each := waiting.pop(0), _Uncompiled):  # else called before
+                each.compiled()
+
+
+class _Uncompiled(CPUDispatcher):
     """Numba's dispatcher of a function before its compilation, which the first use causes."""
 
     def get_call_template(self, args: Any, kws: Any) -> Any:
-        return self._whole().get_call_template(args, kws)
+        return self.compiled().get_call_template(args, kws)
 
     def __call__(self, *args: Any, **kws: Any) -> Any:
-        return self._whole()(*args, **kws)
+        return self.compiled()(*args, **kws)
 
-    def _whole(self) -> Any:
-        self.__class__ = CPUDispatcher  # type: ignore[assignment]
-        _compile(self)
+    def compiled(self) -> Any:
+        with global_compiler_lock:  # else a second thread would call it while it has no types
+            if isinstance(self, _Uncompiled):
+                _compile(self)
+                self.__class__ = CPUDispatcher  # type: ignore[assignment]
         return self
+
+
+_of_flights, _of_source_mode = list[CPUDispatcher](), list[CPUDispatcher]()  # not loaded yet
+_loads_at_import = False
+
+
+def _deferred(function: F, waiting: list[CPUDispatcher]) -> F:
+    compiled = _compiled(function)
+    if isinstance(compiled, CPUDispatcher):  # not with the compiler off
+        compiled.__class__ = _Uncompiled
+        waiting.append(compiled)
+        if _loads_at_import and waiting is _of_flights:
+            load_kernels()
+    return cast(F, compiled)
 
 
 def _compile(compiled: Any) -> None:
@@ -105,7 +139,7 @@ def _notation(hint: Any) -> str:
 
 def _compiled(function: Callable[..., Any]) -> Any:
     """Return a function with Numba's compiler; `fastmath` stays off because it disables `isnan`."""
-    compiled = numba.njit(cache=True, nogil=True, error_model="numpy")(function)
+    compiled = numba.njit(**OPTIONS)(function)
     _mark(compiled, Path(function.__code__.co_filename))
     return compiled
 

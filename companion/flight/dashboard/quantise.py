@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array2D, Float32, Strided2D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 MIDDLE = 32_768
 NO_HEIGHT = np.uint16(0)
@@ -17,7 +17,7 @@ Small = Array2D[np.uint8]
 Heights = Array2D[np.uint16]
 
 
-@kernel
+@kernel_part
 def _steps(value: Float32, step: float) -> np.uint8:
     """Return a value in steps, at most 254; 255 if unknown."""
     if np.isnan(value):
@@ -25,7 +25,7 @@ def _steps(value: Float32, step: float) -> np.uint8:
     return np.uint8(min(254.0, max(0.0, np.rint(value / step))))
 
 
-@kernel
+@kernel_part
 def _height(value: Float32, base_m: float, step_m: float) -> np.uint16:
     """Return a height in steps above a base, 1 to 65535; 0 if unknown."""
     if np.isnan(value):

@@ -21,7 +21,7 @@ STRETCH = 6
 SMALL_RAD = 0.5  # limit of the sine's power series
 
 
-@kernel
+@kernel_part
 def segment(stamp_ns: Array1D[np.int64], t_ns: int, hint: int) -> int:
     """Return the least i with `stamp_ns[i] <= t_ns <= stamp_ns[i + 1]`, -1 if there is none.
 

@@ -15,14 +15,14 @@ from companion.flight.fusion.motion import (
     turn_between,
 )
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 BLOCK = 256  # returns per block, without a branch, so that the compiler vectorises
 SINE, VERSINE, X, Y, Z, SQUARE = range(6)
 ONE = np.uint64(1)
 
 
-@kernel
+@kernel_part
 def _turns(
     stamp_ns: ReadOnly1D[np.int64],
     first: np.uint64,
@@ -42,7 +42,7 @@ def _turns(
         sine[i], versine[i] = sine_versine_of_small(share * (stamp_ns[first + i] - since))
 
 
-@kernel
+@kernel_part
 def _turned(
     xyz_m: ReadOnly2D[np.float32],
     first: np.uint64,
@@ -78,7 +78,7 @@ def _turned(
         tz[i] = bz * (1 - c) + s * (ax * by - ay * bx) + along * az
 
 
-@kernel
+@kernel_part
 def _moved(
     stamp_ns: ReadOnly1D[np.int64],
     first: np.uint64,

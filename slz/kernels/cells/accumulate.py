@@ -32,7 +32,7 @@ from slz.kernels.cells.cell_record import (
     TIME,
 )
 from slz.kernels.cells.tile_directory import Directory, slot_at
-from slz.kernels.jit import kernel, kernel_part
+from slz.kernels.jit import kernel, kernel_at_call, kernel_part
 from slz.kernels.simd import prefetch
 
 OUTSIDE_BOX, INT32_MAX = np.int32(-(2**31)), np.int32(2**31 - 1)
@@ -43,7 +43,7 @@ F1, F2 = np.float32(1), np.float32(2)
 NEXT, PAIR, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
 
 
-@kernel
+@kernel_part
 def _place(
     points: Array1D[np.float64], west: float, south: float, cell: float, out: Array2D[np.float64]
 ) -> None:
@@ -103,7 +103,7 @@ def cells_of(
     return at, np.array([np.int64(r0), np.int64(r1) + 1, np.int64(c0), np.int64(c1) + 1, inside], np.int64)
 
 
-@kernel
+@kernel_at_call
 def sum_and_count(
     points: Strided2D[np.float64],
     west: float,
@@ -177,7 +177,7 @@ def count_by_tile(
     return (count[0, :-1] + count[1, :-1]).reshape(rows, cols)
 
 
-@kernel
+@kernel_part
 def _sample(
     points: Array1D[np.float64],
     sensor: Strided1D[np.float64],

@@ -11,7 +11,7 @@ from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, ReadO
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
 from slz.kernels.cells.tile_directory import Directory, slot_at
 from slz.kernels.footprint.patch import COLS
-from slz.kernels.jit import kernel, kernel_for_any_types, kernel_part
+from slz.kernels.jit import kernel, kernel_at_call, kernel_for_any_types, kernel_part
 from slz.kernels.raster.bitmap import ALL, NONE, ONE, Bits, word_at, word_mask
 
 Value = TypeVar("Value", np.float32, np.uint8)
@@ -59,7 +59,7 @@ def _move(
                     _copy(given, here, flat, there, c1 - c0)
 
 
-@kernel
+@kernel_at_call
 def put_layers(pool: Array4D[Value], table: Table, row0: int, col0: int, values: Array3D[Value]) -> None:
     """Write (layers, rows, cols) of a box to those of its tiles that are held.
 

@@ -53,7 +53,7 @@ def hazard_quarters(cell_m: float, hazard_m: float) -> int:
     return int(min(64.0, max(1.0, np.rint(4 * (hazard_m / cell_m) ** 2))))
 
 
-@kernel
+@kernel_part
 def certainty(
     slope_deg: float,
     slope_sigma_deg: float,

@@ -8,7 +8,7 @@ from slz.kernels.argument_types import Array1D, Float32
 from slz.kernels.cells.cell_record import IS_UNKNOWN
 from slz.kernels.footprint.certainty import certainty, undoubted
 from slz.kernels.footprint.plane_fit import INNER, NOISE2, RELIEF, RMS, SHARE, SIGMA, SIGMAS, SLOPE
-from slz.kernels.jit import kernel, kernel_part
+from slz.kernels.jit import kernel_part
 from slz.kernels.raster.bitmap import NONE, ONE, lowest, signed
 from slz.kernels.simd import LANES, broadcast, flags, flags_of, load, logical_and, store, store_bytes, where
 
@@ -21,7 +21,7 @@ F0, NAN = np.float32(0), np.float32(np.nan)
 Row = Array1D[np.float32]
 
 
-@kernel
+@kernel_part
 def classify(
     statistics: Row,
     at: int,

@@ -26,7 +26,7 @@ from slz.kernels.footprint.patch import (
 )
 from slz.kernels.footprint.plane_fit import PLANE, PLANE_STATISTICS, Limits, add_inner_relief, fit_planes
 from slz.kernels.footprint.rest_pose import Contacts, GearLimits, refuse_without_heading, scratch_for
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_at_call
 from slz.kernels.raster.bitmap import ALL, NONE, Bits, word_at
 from slz.kernels.simd import LANES, load, store
 
@@ -35,7 +35,7 @@ Row = Array1D[np.float32]
 Table = Array2D[np.int32]
 
 
-@kernel
+@kernel_at_call
 def derive_box(
     cells: Array3D[np.float32],
     covered: Bits,

@@ -24,7 +24,7 @@ from slz.kernels.footprint.moments import (
     rises_over_columns,
 )
 from slz.kernels.footprint.relief import relief_without_one, reliefs
-from slz.kernels.jit import kernel, kernel_part
+from slz.kernels.jit import kernel_part
 from slz.kernels.raster.bitmap import NONE
 from slz.kernels.simd import (
     LANES,
@@ -64,7 +64,7 @@ Wide = Array1D[np.float64]
 Limits = tuple[Float32, Float32, Float32, Float32, Float32]
 
 
-@kernel
+@kernel_part
 def _fit(
     sums: Row,
     rises: Wide,

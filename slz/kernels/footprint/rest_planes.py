@@ -65,7 +65,7 @@ Floors = Array3D[np.float64]
 Steepest = Array2D[np.float64]
 
 
-@kernel
+@kernel_part
 def _turn(contacts: Contacts, heading: int, yaw: float, turned: Contacts) -> None:
     """Write the contacts at a heading and a yaw beyond it, clockwise."""
     sine, cosine = math.sin(yaw), math.cos(yaw)
@@ -204,7 +204,7 @@ def _may_tip(plane: Plane, cell_m: float, gear: Undercarriage, box: Box) -> bool
     return bool(gradient + (most - least) * limits[A_LEVERAGE] > limits[A_GRADIENT])
 
 
-@kernel
+@kernel_part
 def _differs(sides: int, edges: int, uneven: bool) -> bool:
     """Return whether no other sides give the same heights, see `_put_at_edges`.
 
@@ -294,7 +294,7 @@ def _lower_floors(
                 floors[place, heading, k] = min(floors[place, heading, k], floor)
 
 
-@kernel
+@kernel_part
 def _halved(waiting: Waiting, count: int, box: Box, reach_m: float) -> int:
     """Append both halves of a box of poses, cut across its longest side; return how many boxes wait."""
     east, north, turn = box[B_HALF_EAST], box[B_HALF_NORTH], box[B_HALF_YAW] * reach_m

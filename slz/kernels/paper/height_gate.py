@@ -20,7 +20,7 @@ HEIGHT_ROUNDING = 2.0**-22  # error of a height in float32, in bins, per bin
 FOUR = np.uint64(3)
 
 
-@kernel
+@kernel_part
 def _bins(
     cells: Array1D[np.uint32],
     heights: Array1D[np.float32],

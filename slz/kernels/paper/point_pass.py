@@ -24,7 +24,7 @@ EDGE_TOLERANCE = (
 )
 
 
-@kernel
+@kernel_part
 def _place_chunk(
     points: ReadOnly1D[np.float64],
     west: float,

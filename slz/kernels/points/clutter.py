@@ -82,7 +82,7 @@ def ground_and_rays(
     return out
 
 
-@kernel
+@kernel_part
 def by_chance(others: int, expected: float) -> float:
     """Return the probability that a Poisson variable of this mean is at least `others`."""
     term = total = math.exp(-expected)

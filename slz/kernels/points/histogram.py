@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.argument_types import Array1D, ReadOnly2D, Strided1D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_at_call, kernel_part
 
 CHUNK = 64  # heights processed together
 ONE = np.uint64(1)
 
 
-@kernel
+@kernel_at_call
 def ends_of(count: Strided1D[np.int64], most: int, needed: int) -> tuple[int, int]:
     """Return the first and last bin after cutting at most `most` heights beyond `needed` empty bins."""
     bins = len(count)
@@ -36,7 +36,7 @@ def ends_of(count: Strided1D[np.int64], most: int, needed: int) -> tuple[int, in
     return (first, last) if first <= last else (0, bins - 1)
 
 
-@kernel
+@kernel_part
 def _count(height: Array1D[np.float64], low: float, width: float, bins: int) -> Array1D[np.int64]:
     """Count heights by bin, in two tables, so that successive increments of one bin need not wait."""
     count, at = np.zeros((2, bins), np.int64), np.empty(CHUNK, np.int32)
@@ -50,7 +50,7 @@ def _count(height: Array1D[np.float64], low: float, width: float, bins: int) -> 
     return whole
 
 
-@kernel
+@kernel_part
 def _range(height: Array1D[np.float64]) -> tuple[float, float]:
     """Return the least and the greatest height."""
     least, most = np.full(CHUNK, height[0]), np.full(CHUNK, height[0])

@@ -26,7 +26,7 @@ def first_cells() -> Array1D[np.int64]:
     return first
 
 
-@kernel
+@kernel_part
 def _row(v: float) -> int:
     return min(ROWS - 1, max(0, int((v + 1) / 2 * ROWS)))
 
@@ -38,7 +38,7 @@ def _diamond(x: float, y: float) -> float:
     return 2 - p if x < 0 else p if y >= 0 else 4 + p
 
 
-@kernel
+@kernel_part
 def cell_of(first: Array1D[np.int64], x: float, y: float, z: float) -> int:
     """Return the number of the cell of a direction."""
     row = _row(z / (abs(z) + math.sqrt(x * x + y * y)))

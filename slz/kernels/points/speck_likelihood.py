@@ -67,7 +67,7 @@ def likelihoods(
     return by_wire, (max(by_wire, by_solid) if hits > 0 else 0.0)
 
 
-@kernel
+@kernel_part
 def _verdict(wire: float, best: float, dustiness: float) -> int:
     """Return the verdict of Wald's sequential test; a speck must be unlike the thinnest wire."""
     if best >= SURE:
@@ -84,7 +84,7 @@ def _voxel(x: float, y: float, z: float) -> tuple[int, int]:
     return key, (key * 0x5851F42D4C957F2D >> 33) & (SLOTS - 1)
 
 
-@kernel
+@kernel_part
 def _rate(air: Array2D[np.float64], away: float) -> float:
     """Return the specks per ray and metre at a range; 0 where too few rays tell."""
     shell = min(SHELLS - 1, int(away / SHELL_M))

@@ -109,7 +109,7 @@ def trace_boundary(
         index = entry >> START_BITS & 3
 
 
-@kernel
+@kernel_part
 def extent(path: Array2D[np.int32], n: int) -> tuple[int, int, int, int, int]:
     """Return row0, row1, col0, col1 (half open) of n cells, and the index of the first in raster order."""
     first, least = 0, path[0, 0]

@@ -6,7 +6,7 @@ import numpy as np
 
 from slz.kernels.argument_types import Strided2D
 from slz.kernels.growable_array import doubled
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_part
 
 # Directions of travel: east, north, west, south; offset from the vertex behind to the cell on the left.
 ROW_AHEAD = np.array([0, 1, 0, -1], np.int64)
@@ -15,7 +15,7 @@ ROW_LEFT = np.array([0, 0, -1, -1], np.int64)
 COL_LEFT = np.array([0, -1, -1, 0], np.int64)
 
 
-@kernel
+@kernel_part
 def _cell(cells: Strided2D[np.uint8], row: int, col: int) -> bool:
     if row < 0 or col < 0 or row >= cells.shape[0] or col >= cells.shape[1]:
         return False

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Strided2D
-from slz.kernels.jit import kernel
+from slz.kernels.jit import kernel, kernel_at_call
 
 # Moore neighbours, clockwise from west (SLZ paper, Table 1); rows grow to the north.
 COL_STEP = np.array([-1, -1, 0, 1, 1, 1, 0, -1], np.int64)
 ROW_STEP = np.array([0, -1, -1, -1, 0, 1, 1, 1], np.int64)
 
 
-@kernel
+@kernel_at_call
 def squares(safe: Strided2D[np.uint8]) -> Strided2D[np.int32]:
     """Return, by cell, the side in cells of the largest safe square whose last row and column end there."""
     rows, cols = safe.shape

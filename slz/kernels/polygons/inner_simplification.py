@@ -29,7 +29,7 @@ def _cross(ax: float, ay: float, bx: float, by: float) -> float:
     return ax * by - ay * bx
 
 
-@kernel
+@kernel_part
 def _turn(at: Points, a: int, b: int, c: int) -> float:
     """Return twice the signed area of a triangle: positive for a left turn, that is a convex vertex."""
     return _cross(at[b, 0] - at[a, 0], at[b, 1] - at[a, 1], at[c, 0] - at[b, 0], at[c, 1] - at[b, 1])
@@ -46,12 +46,12 @@ def _meet(
     return _cross(cx - bx, cy - by, vx, vy) / across, _cross(cx - bx, cy - by, ux, uy) / across
 
 
-@kernel
+@kernel_part
 def _same(at: Points, i: int, x: float, y: float) -> bool:
     return bool(abs(at[i, 0] - x) + abs(at[i, 1] - y) < SAME)
 
 
-@kernel
+@kernel_part
 def _cut(at: Points, before: Indices, after: Indices, count: int, i: int) -> Move:
     """Remove a convex vertex: the chord of its neighbours replaces it."""
     twice = _turn(at, before[i], i, after[i])
@@ -86,7 +86,7 @@ def _extend(at: Points, before: Indices, after: Indices, count: int, b: int) -> 
     )
 
 
-@kernel
+@kernel_part
 def _tilt(at: Points, before: Indices, after: Indices, count: int, v: int) -> Move:
     """Remove a reflex vertex between convex ones: one line through it replaces its two edges.
 
@@ -293,7 +293,7 @@ def _push_ring(heap: list[Offer], worth: Points, count: Indices, r: int) -> None
         heapq.heappush(heap, (_price(worth[r, 0], worth[r, 1]) / count[r], r, DROP, count[r]))
 
 
-@kernel
+@kernel_part
 def _in_order(at: Points, after: Indices, place: Indices, first: Indices, n: int) -> Points:
     """Return the n remaining vertices in ring order: (n, 3) ring, column, row."""
     out = np.empty((n, 3))

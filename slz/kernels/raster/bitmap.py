@@ -49,7 +49,7 @@ lowest = _operation(lambda builder, word: builder.cttz(word, ir.Constant(ir.IntT
 leading = _operation(lambda builder, word: builder.ctlz(word, ir.Constant(ir.IntType(1), 0)), _leading)
 
 
-@kernel
+@kernel_part
 def bit(bits: Strided2D[np.uint64], row: int, col: int) -> np.uint64:
     """Return 1 where a cell is set, else 0."""
     word: np.uint64 = bits[row, col >> 6]

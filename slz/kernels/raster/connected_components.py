@@ -6,11 +6,11 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Strided2D
 from slz.kernels.growable_array import doubled
-from slz.kernels.jit import kernel, kernel_part
+from slz.kernels.jit import kernel, kernel_of_source_mode, kernel_part
 from slz.kernels.raster.bitmap import NONE, ONE, Bits, bit, lowest, signed, word_mask
 
 
-@kernel
+@kernel_part
 def runs(cells: Bits) -> Array2D[np.int64]:
     """Return (n, 4) row, first column, column after the last, and number of all runs, row by row."""
     out, n = np.empty((1024, 4), np.int64), 0
@@ -61,7 +61,7 @@ def union_runs(run: Array2D[np.int64], corner: int) -> None:
         run[i, 3] = _find_root(run, i)
 
 
-@kernel
+@kernel_part
 def _largest(roots: Array1D[np.int64], size: Array1D[np.int64], most: int) -> Array1D[np.int64]:
     """Return the `most` roots of the greatest size, in order; of equal sizes the first."""
     least = more = 0
@@ -241,7 +241,7 @@ def cells_around(
     return cells[:n].copy(), ends
 
 
-@kernel
+@kernel_part
 def _median(height: Array1D[np.float32]) -> float:
     return np.float64(np.float32(np.median(height)))
 
@@ -277,7 +277,7 @@ def median_height(part: Bits, height: Strided2D[np.float32], row0: int, col0: in
     return _median(found[:n]) if n else np.nan
 
 
-@kernel
+@kernel_of_source_mode
 def obstacles(
     cells: Bits,
     part: Bits,

@@ -6,7 +6,7 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, Strided2D
 from slz.kernels.growable_array import doubled
-from slz.kernels.jit import kernel, kernel_part
+from slz.kernels.jit import kernel, kernel_of_source_mode, kernel_part
 from slz.kernels.raster.bitmap import ALL, LAST, NONE, ONE, Bits, leading, lowest, signed, word_at
 
 Word = Array1D[np.uint64]
@@ -269,7 +269,7 @@ def _clearance_among_corners(
     return _farthest_cells(part, cells, span, half, least2, 2 * (side + 2) * (side + 2))
 
 
-@kernel
+@kernel_of_source_mode
 def square_and_clearance(
     part: Bits, corners: Bits, least: int
 ) -> tuple[int, tuple[int, int], Array2D[np.int64]]:
@@ -350,7 +350,7 @@ def most_certain(
     return best
 
 
-@kernel
+@kernel_of_source_mode
 def least_steep(
     cells: Array2D[np.int64],
     slope: Array3D[np.float32],

@@ -84,7 +84,7 @@ def closed(bits: Bits, radius: int, cols: int) -> Bits:
     return bits | eroded(dilated(bits, radius, cols), radius, cols)
 
 
-@kernel
+@kernel_part
 def _beside(bits: Bits, row: int, word: int) -> np.uint64:
     """Return the cells of a word whose western and eastern neighbours are set."""
     west = bits[row, word - 1] >> LAST if word > 0 else NONE

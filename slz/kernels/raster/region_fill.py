@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D
-from slz.kernels.jit import kernel, kernel_part
+from slz.kernels.jit import kernel, kernel_of_source_mode, kernel_part
 from slz.kernels.polygons.boundary_tracing import EAST_BIT, WEST_BIT, extent, trace_boundary, westmost
 from slz.kernels.raster.bitmap import ALL, LAST, NONE, ONE, Bits, popcount, prefix_xor, signed
 
@@ -47,7 +47,7 @@ def _spread_down(open_cells: np.uint64, set_: np.uint64) -> np.uint64:
     return set_
 
 
-@kernel
+@kernel_part
 def _spread(open_cells: Bits, part: Bits, r: int, other: int, first: int, last: int) -> tuple[int, int]:
     """Spread a part into row r, from the row itself and from words of an adjacent row.
 
@@ -86,7 +86,7 @@ def _spread(open_cells: Bits, part: Bits, r: int, other: int, first: int, last: 
     return low, high
 
 
-@kernel
+@kernel_of_source_mode
 def component(open_cells: Bits, row: int, col: int) -> Bits:
     """Return the 8-connected component of a set cell.
 
@@ -155,7 +155,7 @@ def _reaches(
         row, col = signed(path[first, 0]), signed(path[first, 1])
 
 
-@kernel
+@kernel_of_source_mode
 def all_reach(
     safe: Bits, content: Bits, row0: int, word0: int, cells: Array2D[np.int64], longest: int
 ) -> bool:

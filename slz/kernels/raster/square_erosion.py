@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.kernels.jit import kernel, kernel_part
+from slz.kernels.jit import kernel, kernel_of_source_mode, kernel_part
 from slz.kernels.raster.bitmap import NONE, Bits
 
 
@@ -47,7 +47,7 @@ def erode_to_side(bits: Bits, side: int, wanted: int) -> None:
         side += step
 
 
-@kernel
+@kernel_of_source_mode
 def erode(
     safe: Bits, seeds: Bits, side: int, row0: int, row1: int, col0: int, col1: int
 ) -> tuple[int, int, int, int]:

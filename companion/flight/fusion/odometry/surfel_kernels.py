@@ -37,7 +37,7 @@ def slot_of(keys: Array1D[np.int64], key: int) -> int:
     return i  # type: ignore[return-value]
 
 
-@kernel
+@kernel_part
 def fit(sums: Array1D[np.float32], count: int, size_m: float, plane: Array1D[np.float32]) -> None:
     """Write the plane of a voxel: normal (3), offset from the voxel's middle along it, roughness or -1."""
     mx, my, mz = sums[0] / count, sums[1] / count, sums[2] / count

@@ -20,7 +20,7 @@ LINES = 4
 Bytes = ReadOnly1D[np.uint8]
 
 
-@kernel
+@kernel_part
 def _u16(data: Bytes, at: np.uint64) -> np.uint32:
     return np.uint32(data[at]) | np.uint32(data[at + np.uint64(1)]) << np.uint32(8)
 
@@ -40,7 +40,7 @@ def _i16(data: Bytes, at: np.uint64) -> np.int16:
     return np.int16(_u16(data, at))
 
 
-@kernel
+@kernel_part
 def _metres(data: Bytes, at: np.uint64, kind: int) -> tuple[float, float, float]:
     """Return x, y, z of the point at a byte offset; kind 1: mm, 2: cm, 3: depth in mm and two angles."""
     two, four, six, eight = np.uint64(2), np.uint64(4), np.uint64(6), np.uint64(8)
@@ -55,7 +55,7 @@ def _metres(data: Bytes, at: np.uint64, kind: int) -> tuple[float, float, float]
     return across * math.cos(phi), across * math.sin(phi), depth * math.cos(theta)
 
 
-@kernel
+@kernel_part
 def _direction(data: Bytes, at: np.uint64, kind: int) -> tuple[float, float, float]:
     """Return the unit vector of a ray without a return, NaN where its angles are not given."""
     theta, phi = _u16(data, at + np.uint64(4)), _u16(data, at + np.uint64(6))

@@ -127,7 +127,7 @@ def _sample(
         counts[line] += 1
 
 
-@kernel
+@kernel_part
 def _fit(samples: Array2D[np.float64], half_ns: float, rate: float, model: Array2D[np.float64]) -> bool:
     """Fit azimuth, less the mirror's turn, and elevation of a line; return whether its returns follow.
 

@@ -19,19 +19,14 @@ from companion.cli import console
 from companion.runtime import kernel_compilation
 from companion.runtime.interrupt import Interrupted
 
-EVERYTHING = kernel_compilation.OF_SOURCE_MODE | kernel_compilation.SELDOM
 IMPORTS_ROWS = "from slz.kernels.growable_array import (\n    b,\n)\n"
-EAGER = "@kernel\n"
+KERNEL = "@kernel\ndef kernel(x: int) -> None: ...\n"
 KERNELS = ("slz/kernels/points/voxels", "companion/flight/fusion/placement")
+FLOWN = kernel_compilation.of_flight
 OF_SOME_FLIGHTS = {
     "companion.flight.sensors.decoders.livox_points",
     "companion.flight.sensors.decoders.livox_scan_pattern",
-    "companion.flight.sensors.decoders.ouster_points",
-    "companion.flight.sensors.decoders.velodyne_points",
     "companion.flight.dashboard.quantise",
-    "companion.flight.fusion.odometry.step_kernels",
-    "companion.flight.fusion.odometry.registration_kernel",
-    "companion.flight.fusion.odometry.surfel_kernels",
 }
 PYTHON = f"py{sys.version_info.major}{sys.version_info.minor}"
 
@@ -45,7 +40,7 @@ def sources(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for name in (*KERNELS, "slz/kernels/paper/search", "slz/kernels/jit"):
         path = tmp_path / "program" / f"{name}.py"
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text("" if name.endswith("jit") else EAGER)
+        path.write_text("" if name.endswith("jit") else KERNEL)
         os.utime(path, (1000, 1000))
     return tmp_path / "program"
 
@@ -63,27 +58,33 @@ def test_it_is_the_first_start_until_all_kernels_are_compiled_and_again_when_one
     sources: Path,
 ) -> None:
     cache = sources / "slz" / "kernels" / "__pycache__"
-    assert kernel_compilation.is_first()
+    assert kernel_compilation.is_first(FLOWN())
     compiled(cache, 2000, python="py39")
-    assert kernel_compilation.is_first()
+    assert kernel_compilation.is_first(FLOWN())
     compiled(cache, 2000, "placement")
-    assert kernel_compilation.is_first(), "the start before was ended"
+    assert kernel_compilation.is_first(FLOWN()), "the start before was ended"
     compiled(cache, 2000)
-    assert not kernel_compilation.is_first()
+    voxels = sources / "slz" / "kernels" / "points" / "voxels.py"
+    voxels.write_text(KERNEL + KERNEL.replace("kernel(", "another("))
+    os.utime(voxels, (1000, 1000))
+    assert kernel_compilation.is_first(FLOWN()), "another command compiled the other kernel"
+    voxels.write_text(KERNEL)
+    os.utime(voxels, (1000, 1000))
+    assert not kernel_compilation.is_first(FLOWN())
     os.utime(sources / "slz" / "kernels" / "jit.py", (3000, 3000))
-    assert not kernel_compilation.is_first(), "it holds no kernel"
+    assert not kernel_compilation.is_first(FLOWN()), "it holds no kernel"
     os.utime(sources / "slz" / "kernels" / "paper" / "search.py", (3000, 3000))
-    assert not kernel_compilation.is_first(), "it is source mode's"
-    assert kernel_compilation.is_first(kernel_compilation.of_mode("source"))
+    assert not kernel_compilation.is_first(FLOWN()), "it is source mode's"
+    assert kernel_compilation.is_first(FLOWN("source"))
     os.utime(sources / "slz" / "kernels" / "points" / "voxels.py", (3000, 3000))
-    assert kernel_compilation.is_first()
+    assert kernel_compilation.is_first(FLOWN())
 
 
 def test_it_is_a_first_start_when_a_kernel_that_another_one_calls_is_newer(sources: Path) -> None:
     kernels = sources / "slz" / "kernels"
     for name, text in (
-        ("points/voxels", EAGER + "from companion.flight.fusion.between import a\n"),
-        ("../../companion/flight/fusion/between", EAGER + IMPORTS_ROWS),
+        ("points/voxels", KERNEL + "from companion.flight.fusion.between import a\n"),
+        ("../../companion/flight/fusion/between", KERNEL + IMPORTS_ROWS),
         ("growable_array", ""),
     ):
         (kernels / f"{name}.py").write_text(text)
@@ -92,34 +93,40 @@ def test_it_is_a_first_start_when_a_kernel_that_another_one_calls_is_newer(sourc
     between = kernels / "__pycache__" / f"between.kernel-43.{PYTHON}.nbi"
     between.touch()
     os.utime(between, (2000, 2000))
-    assert not kernel_compilation.is_first()
+    assert not kernel_compilation.is_first(FLOWN())
     os.utime(kernels / "growable_array.py", (3000, 3000))
-    assert kernel_compilation.is_first()
+    assert kernel_compilation.is_first(FLOWN())
 
 
 def test_compiled_kernels_are_looked_for_where_numba_keeps_them(
     sources: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     compiled(tmp_path / "cache" / "numba" / "a-folder-of-its-own", 2000)
-    assert not kernel_compilation.is_first()
+    assert not kernel_compilation.is_first(FLOWN())
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "elsewhere"))
-    assert kernel_compilation.is_first()
+    assert kernel_compilation.is_first(FLOWN())
     compiled(tmp_path / "elsewhere", 2000)
-    assert not kernel_compilation.is_first()
+    assert not kernel_compilation.is_first(FLOWN())
 
 
 def test_it_is_the_simulators_first_start_where_no_kernel_of_its_sources_is_cached(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for module in ("sitl.simulation", "sitl.truth.truth"):
+    needs = kernel_compilation.of_simulator()
+    for module in map(module_of, needs):
         importlib.import_module(module)
-    assert not kernel_compilation.is_first_of_simulator()
+    assert not kernel_compilation.is_first(needs)
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     monkeypatch.setenv("NUMBA_DISABLE_JIT", "0")
-    assert kernel_compilation.is_first_of_simulator()
-    for module in ("raycast", "layer_cast", "wire_cast", "beam_edges", "topview", "footprint_span"):
-        (tmp_path / f"{module}.of_other_sources-1.{PYTHON}.nbi").write_bytes(b"0" * 64)
-    assert kernel_compilation.is_first_of_simulator()
+    assert kernel_compilation.is_first(needs)
+    for path, names in needs.items():
+        for name in names:
+            (tmp_path / f"{path.stem}.{name}-1.{PYTHON}.nbi").write_bytes(b"0" * 64)
+    assert kernel_compilation.is_first(needs), "of other sources"
+
+
+def module_of(path: Path) -> str:
+    return ".".join(path.relative_to(kernel_compilation.ROOT).with_suffix("").parts)
 
 
 def test_the_modules_compiled_for_a_flight_are_those_that_it_loads() -> None:
@@ -128,7 +135,7 @@ def test_the_modules_compiled_for_a_flight_are_those_that_it_loads() -> None:
         "import sys\nfor m in ('companion.flight.app', 'slz.paper.paper_method'):\n"
         " __import__(m); print(*sys.modules)"
     )
-    told = subprocess.run(
+    said = subprocess.run(
         [sys.executable, "-c", loads],
         env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
         cwd=kernel_compilation.ROOT,
@@ -136,16 +143,17 @@ def test_the_modules_compiled_for_a_flight_are_those_that_it_loads() -> None:
         text=True,
         check=True,
     )
-    for also, loaded in zip(
-        (kernel_compilation.NO_MORE, kernel_compilation.OF_SOURCE_MODE), told.stdout.splitlines(), strict=True
-    ):
-        compiled_first = {
-            ".".join(path.relative_to(kernel_compilation.ROOT).with_suffix("").parts)
-            for path in kernel_compilation._sources(also)
-        }
+    for mode, loaded in zip(("default", "source"), said.stdout.splitlines(), strict=True):
+        compiled_first = set(map(module_of, FLOWN(mode)))
         assert compiled_first - set(loaded.split()) <= OF_SOME_FLIGHTS
-        eager = {name for name in loaded.split() if name.startswith(("slz.", "companion."))} - compiled_first
-        assert not [name for name in eager if kernel_compilation.EAGER.search(_source(name))]
+        others = {name for name in loaded.split() if name.startswith(("slz.", "companion."))} - compiled_first
+        assert not [name for name in others if kernel_compilation.KERNEL.search(_source(name))]
+
+
+def test_the_kernels_of_a_survey_are_kernels_that_there_are() -> None:
+    with_kernels = kernel_compilation.ALL
+    for path, names in kernel_compilation.of_survey().items():
+        assert set(names) <= set(with_kernels.findall(path.read_text("utf-8"))), path.name
 
 
 def test_without_the_compiler_nothing_is_to_be_compiled(
@@ -154,7 +162,7 @@ def test_without_the_compiler_nothing_is_to_be_compiled(
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
     for told, expected in (("", True), ("0", True), ("1", False)):
         monkeypatch.setenv("NUMBA_DISABLE_JIT", told)
-        assert kernel_compilation.is_first() is expected
+        assert kernel_compilation.is_first(FLOWN()) is expected
 
 
 def test_modules_are_compiled_in_other_processes_and_counted(
@@ -165,20 +173,22 @@ def test_modules_are_compiled_in_other_processes_and_counted(
         kernel_compilation.ROOT / "slz" / "kernels" / f"{name}.py"
         for name in ("raster/horizon", "instruments/phase_unwrapping")
     ]
-    monkeypatch.setattr(kernel_compilation, "_sources", lambda _: iter(chosen))
-    assert kernel_compilation.is_first()
+    needs = {path: ["horizon" if path == chosen[0] else "unwrap_by_quality"] for path in chosen}
+    assert kernel_compilation.is_first(needs)
     told: list[tuple[int, int]] = []
-    kernel_compilation.compile_kernels(lambda *pair: told.append(pair))
+    kernel_compilation.compile_kernels(lambda *pair: told.append(pair), needs)
     assert sorted(told) == [(1, 2), (2, 2)]
-    assert not kernel_compilation.is_first()
+    assert not kernel_compilation.is_first(needs)
+    compiled = {path.name.partition("-")[0] for path in tmp_path.rglob("*.nbi")}
+    assert compiled >= {"horizon.horizon", "phase_unwrapping.unwrap_by_quality"}
+    assert "horizon.horizon_of_tiles" not in compiled
 
     # Numba keeps the hash of the source: a checkout or a formatter writes files again as they were.
     again = tmp_path / "phase_unwrapping.py"
-    monkeypatch.setattr(kernel_compilation, "_sources", lambda _: iter([again]))
     for added, expected in ((b"", False), (b"\n", True)):
         again.write_bytes(chosen[1].read_bytes() + added)
         os.utime(again, (2**32, 2**32))
-        assert kernel_compilation.is_first() is expected
+        assert kernel_compilation.is_first({again: ["unwrap_by_quality"]}) is expected
 
 
 def test_what_cannot_be_compiled_in_advance_is_left_to_those_who_import_it(
@@ -189,7 +199,7 @@ def test_what_cannot_be_compiled_in_advance_is_left_to_those_who_import_it(
 
     monkeypatch.setattr("subprocess.Popen", refused)
     told: list[tuple[int, int]] = []
-    kernel_compilation.compile_kernels(lambda *pair: told.append(pair))
+    kernel_compilation.compile_kernels(lambda *pair: told.append(pair), FLOWN())
     assert told == []
 
 
@@ -229,7 +239,7 @@ def test_a_signal_ends_the_processes_that_compile(monkeypatch: pytest.MonkeyPatc
     COMPILERS.clear()
     told: list[tuple[int, int]] = []
     with pytest.raises(Interrupted):
-        kernel_compilation.compile_kernels(lambda *pair: told.append(pair))
+        kernel_compilation.compile_kernels(lambda *pair: told.append(pair), FLOWN())
     assert all(compiler.ended.is_set() for compiler in COMPILERS if compiler.asked.is_set())
     assert COMPILERS[0].stdin.getvalue().startswith("slz.")
     assert told == []
@@ -239,20 +249,19 @@ def test_a_signal_ends_the_processes_that_compile(monkeypatch: pytest.MonkeyPatc
 def test_the_first_start_says_why_it_takes_long(
     first: bool, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    def compiled(step: Callable[[int, int], None], also: frozenset[str]) -> None:
+    def compiled(step: Callable[[int, int], None], needs: kernel_compilation.Needs) -> None:
         step(1, 2)
-        asked.append(also)
+        asked.append(needs)
 
-    asked: list[frozenset[str]] = []
+    asked: list[kernel_compilation.Needs] = []
     monkeypatch.setattr(kernel_compilation, "is_first", lambda _: first)
     monkeypatch.setattr(kernel_compilation, "compile_kernels", compiled)
-    console.compile_at_first()
-    console.compile_at_first("source")
-    assert asked == [frozenset(), kernel_compilation.OF_SOURCE_MODE][: 2 * first]
+    console.compile_at_first(kernel_compilation.of_survey())
+    assert asked == [kernel_compilation.of_survey()][: int(first)]
     assert ("first start: compiling the kernels" in capfd.readouterr().err) == first
 
 
-def _source(module: str) -> bytes:
+def _source(module: str) -> str:
     path = kernel_compilation.ROOT.joinpath(*module.split("."))
     path = path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
-    return path.read_bytes()
+    return path.read_text("utf-8")
