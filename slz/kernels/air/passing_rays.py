@@ -24,6 +24,7 @@ from slz.kernels.air.column_record import (
     UP,
 )
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D
+from slz.kernels.growable_array import put
 from slz.kernels.jit import kernel, kernel_part
 
 PAD = 0.1  # m over the top and below the base, in which a return is of what stands there
@@ -223,7 +224,7 @@ def passed(
                     if other >= 0:
                         for field in range(3):
                             counts[n, field] += records[other, RETURNED + field]
-            counts[n, 3:] = records[k, SCANS_RETURNED : SCANS_SINCE + 1]
+            put(counts[n], 3, records[k, SCANS_RETURNED : SCANS_SINCE + 1])
             which[n] = k
             n += 1
     return which[:n].copy(), counts[:n].copy()

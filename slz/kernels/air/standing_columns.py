@@ -24,6 +24,7 @@ from slz.kernels.air.column_record import (
     UP,
 )
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D
+from slz.kernels.growable_array import put
 from slz.kernels.jit import kernel, kernel_part
 
 NEW = -2  # in an index of columns, where the first return came
@@ -57,7 +58,9 @@ def _with_returns(
     if not len(which):
         return records
     at = _cells_of(points, which, west, south, cell)
-    r0, r1, c0, c1 = at[:, 0].min(), at[:, 0].max(), at[:, 1].min(), at[:, 1].max()
+    r0, r1, c0, c1 = at[0, 0], at[0, 0], at[0, 1], at[0, 1]
+    for n in range(len(at)):
+        r0, r1, c0, c1 = min(r0, at[n, 0]), max(r1, at[n, 0]), min(c0, at[n, 1]), max(c1, at[n, 1])
     for k in range(len(records)):
         r0, r1 = min(r0, int(records[k, ROW])), max(r1, int(records[k, ROW]))
         c0, c1 = min(c0, int(records[k, COL])), max(c1, int(records[k, COL]))
@@ -75,7 +78,7 @@ def _with_returns(
     for r in range(index.shape[0]):
         for c in range(index.shape[1]):
             if index[r, c] >= 0:
-                out[k] = records[index[r, c]]
+                put(out[k], 0, records[index[r, c]])
             elif index[r, c] == NEW:
                 out[k, ROW], out[k, COL], out[k, CAME] = r0 + r, c0 + c, now_s
                 out[k, TOP], out[k, BASE] = -np.inf, np.inf
@@ -129,9 +132,9 @@ def _add_returns(
             record[RETURNED : SCANS_SINCE + 1] = 0.0
         record[EAST], record[NORTH], record[UP], record[RANGE] = x, y, z, away
         if points[highest[k], 2] > record[TOP]:
-            record[TOP_EAST : TOP + 1] = points[highest[k]]
+            put(record, TOP_EAST, points[highest[k]])
         if points[lowest[k], 2] < record[BASE]:
-            record[BASE_EAST : BASE + 1] = points[lowest[k]]
+            put(record, BASE_EAST, points[lowest[k]])
 
 
 @kernel_part

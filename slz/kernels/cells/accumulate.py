@@ -228,8 +228,10 @@ def sorted_by_tile(
     along the ray, and of the angle across it.
     """
     rows, cols = count.shape
-    place, n = np.zeros(rows * cols + 1, np.int64), int(count.sum())  # the last place is for points outside
-    place[1:] = np.cumsum(count)
+    place, n = np.zeros(rows * cols + 1, np.int64), 0  # the last place is for points outside
+    for k in range(rows * cols):
+        n += int(count.flat[k])
+        place[k + 1] = n
     cell, sample = np.empty(n + 1, np.int32), np.empty((n + 1, 2), np.float32)
     tile, some = np.empty(CHUNK, np.int32), np.empty((2, CHUNK), np.float32)
     flat, cells = points.ravel(), at.ravel()

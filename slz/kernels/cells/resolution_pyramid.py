@@ -7,6 +7,7 @@ import numpy as np
 from slz.kernels.argument_types import Array2D, Array4D, Array5D, Float32
 from slz.kernels.cells.accumulate import copy_evidence
 from slz.kernels.cells.cell_record import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TILE_BITS, TIME
+from slz.kernels.growable_array import put
 from slz.kernels.jit import kernel, kernel_part
 
 
@@ -80,5 +81,7 @@ def coarse_evidence(
         copy_evidence(pool, table, first[0], first[1], r << level, col0 << level, fine)
         for _ in range(level):
             fine = downsample(fine, now_s, max_age_s)
-        out[r - row0] = fine[0]
+        for c in range(out.shape[1]):
+            for epoch in range(2):
+                put(out[r - row0, c, epoch], 0, fine[0, c, epoch])
     return out

@@ -10,6 +10,7 @@ from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.lines.candidate_record import EAST, NORTH, SEEN, SENSOR, SIGMA, UP
 from slz.kernels.lines.voxel_occupancy import VOXEL_M
+from slz.kernels.ranks import median
 
 
 @kernel_part
@@ -55,7 +56,7 @@ def measures(
         for i in members:
             low, high = min(low, candidates[i, axis]), max(high, candidates[i, axis])
         moved2 += (high - low) * (high - low)
-    medians = np.median(ranges), np.median(falls), np.median(sigma)
+    medians = median(ranges), median(falls), median(sigma)
     return (_distinct(places), last_s - first_s, math.sqrt(moved2), *medians)
 
 

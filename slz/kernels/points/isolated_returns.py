@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, Strided2D
+from slz.kernels.growable_array import put
 from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.points.clutter import is_unlikely
 from slz.kernels.points.isolated_record import (
@@ -45,6 +46,7 @@ from slz.kernels.points.nearest_others import (
     UPRIGHT_M,
     add_others,
 )
+from slz.kernels.ranks import ranked
 
 MOST = 8192  # returns kept
 AGREES_M = 0.15  # from the ground: belongs to it
@@ -100,7 +102,8 @@ def joined(
         out[k, WAS_FOUND] = out[k, FOUND]
     for i in range(len(points)):
         record = out[new + i]
-        record[:BORN], record[BORN:UPRIGHT], record[UPRIGHT:] = points[i], 0.0, np.inf
+        put(record, 0, points[i])
+        record[BORN:UPRIGHT], record[UPRIGHT:] = 0.0, np.inf
         record[BORN], record[SENSOR_UP], record[NUMBER] = now_s, sensor[2], number + i + 1
         record[DISTANT] = math.hypot(points[i, 0] - sensor[0], points[i, 1] - sensor[1]) > reach_m
         record[OVER], record[BAND], record[LONELY] = np.nan, NO_BAND, 1.0
@@ -195,7 +198,7 @@ def _keep_newest(records: Array2D[np.float64], stay: Array1D[np.int64]) -> None:
     order = np.empty(len(stay))
     for n in range(len(stay)):
         order[n] = records[stay[n], NUMBER] + 2.0**52 * records[stay[n], FOUND]
-    first = np.partition(order, len(stay) - MOST)[len(stay) - MOST]
+    first = ranked(order.copy(), len(stay) - MOST)
     for n in range(len(stay)):
         if order[n] < first:
             records[stay[n], FATE], records[stay[n], FOUND] = GONE, 0.0

@@ -6,16 +6,10 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.jit import kernel, kernel_part
+from slz.kernels.ranks import ranked
 
 LEAST_SCALE, SCALE_OF_MEDIAN, BIWEIGHT = 0.02, 1.4826, 4.7  # of residuals (m); in standard deviations
 RIDGE = 1e-9  # keeps the equations solvable where nothing agrees
-
-
-@kernel_part
-def _median(values: Array1D[np.float64]) -> float:
-    """Return the upper median of values (n,), n > 0."""
-    middle = len(values) // 2
-    return float(np.partition(values, middle)[middle])
 
 
 @kernel_part
@@ -49,13 +43,13 @@ def robust_fit(
     """
     n, k = design.shape
     fit, error, agree = np.zeros(k), np.empty(n), 0
-    fit[0] = _median(values)
+    fit[0] = ranked(values.copy(), len(values) // 2)
     for _ in range(rounds):
         for i in range(n):
             error[i] = values[i]
             for a in range(k):
                 error[i] -= design[i, a] * fit[a]
-        most = BIWEIGHT * max(LEAST_SCALE, SCALE_OF_MEDIAN * _median(np.abs(error)))
+        most = BIWEIGHT * max(LEAST_SCALE, SCALE_OF_MEDIAN * ranked(np.abs(error), len(values) // 2))
         left, fit, agree = np.zeros((k, k)), np.zeros(k), 0
         for i in range(n):
             inner = 1 - (error[i] / most) ** 2

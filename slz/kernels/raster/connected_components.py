@@ -7,6 +7,7 @@ import numpy as np
 from slz.kernels.argument_types import Array1D, Array2D, Strided2D
 from slz.kernels.growable_array import doubled
 from slz.kernels.jit import kernel, kernel_of_source_mode, kernel_part
+from slz.kernels.ranks import median
 from slz.kernels.raster.bitmap import NONE, ONE, Bits, bit, lowest, signed, word_mask
 
 
@@ -241,11 +242,6 @@ def cells_around(
     return cells[:n].copy(), ends
 
 
-@kernel_part
-def _median(height: Array1D[np.float32]) -> float:
-    return np.float64(np.float32(np.median(height)))
-
-
 @kernel
 def medians(height: Array1D[np.float32], ends: Array1D[np.int64]) -> Array1D[np.float64]:
     """Return the median of the known heights between successive ends, NaN for none."""
@@ -256,7 +252,7 @@ def medians(height: Array1D[np.float32], ends: Array1D[np.int64]) -> Array1D[np.
             found[n] = height[i]
             n += np.isfinite(height[i])
         if n:
-            out[g] = _median(found[:n])
+            out[g] = np.float32(median(found[:n]))
     return out
 
 
@@ -274,7 +270,7 @@ def median_height(part: Bits, height: Strided2D[np.float32], row0: int, col0: in
             if bit(part, r, c) and np.isfinite(z):
                 found[n] = z
                 n += 1
-    return _median(found[:n]) if n else np.nan
+    return np.float64(np.float32(median(found[:n]))) if n else np.nan
 
 
 @kernel_of_source_mode

@@ -54,8 +54,8 @@ def banks(
     """
     n = len(falling)
     score, size, kinds = np.zeros(n), np.zeros(n, np.int64), np.zeros(3, np.int64)
-    for own in labels.ravel():
-        size[own] += 1
+    for k in range(labels.size):
+        size[labels.flat[k]] += 1
     boxes = bounding_boxes(labels, n, BANK_CELLS)
     for label in range(1, n):
         if size[label] == 0:
@@ -64,7 +64,7 @@ def banks(
         m2 = size[label] * cell**2
         most_m = WALL_M if m2 < WALLED_M2 else math.inf
         sides = around_shore(count, mean, labels, level_m, label, boxes[label], most_m, kinds)
-        total = kinds.sum()
+        total = kinds[UP] + kinds[DOWN] + kinds[EVEN]
         if total < FEWEST_RING:
             continue
         up, down, even = kinds[UP] / total, kinds[DOWN] / total, kinds[EVEN] / total
@@ -100,14 +100,14 @@ def around_shore(
     row0, col0 = box[0], box[2]
     whole, toward = with_holes(labels, label, box), np.zeros((SECTORS, 2), np.int64)
     rows, cols = whole.shape
-    own = labels[row0 : row0 + rows, col0 : col0 + cols] == label
-    beside = box_sums(own.astype(np.float32).reshape(1, rows, cols), BANK_CELLS)
-    middle_row = middle_col = n = 0.0
+    own, middle_row, middle_col, n = np.zeros((1, rows, cols), np.float32), 0.0, 0.0, 0.0
     for r in range(rows):
         for c in range(cols):
+            own[0, r, c] = labels[row0 + r, col0 + c] == label
             if whole[r, c]:
                 middle_row, middle_col, n = middle_row + r, middle_col + c, n + 1
     middle_row, middle_col = middle_row / max(n, 1.0), middle_col / max(n, 1.0)
+    beside, n_up = box_sums(own, BANK_CELLS), 0
     for r in range(rows):
         for c in range(cols):
             if whole[r, c] or beside[0, r, c] == 0 or not count[row0 + r, col0 + c] > 0:
@@ -115,7 +115,7 @@ def around_shore(
             level = math.nan
             for k in range(len(NEAREST)):
                 i, j = r + NEAREST[k, 0], c + NEAREST[k, 1]
-                if 0 <= i < rows and 0 <= j < cols and own[i, j]:
+                if 0 <= i < rows and 0 <= j < cols and own[0, i, j] > 0:
                     level = level_m[row0 + i, col0 + j]
                     break
             above = mean[row0 + r, col0 + c] - level
@@ -127,4 +127,6 @@ def around_shore(
             sector = min(int(bearing * SECTORS), SECTORS - 1)
             toward[sector, 0] += 1
             toward[sector, 1] += kind == UP
-    return int((2 * toward[:, 1] > toward[:, 0]).sum())
+    for sector in range(SECTORS):
+        n_up += 2 * toward[sector, 1] > toward[sector, 0]
+    return n_up

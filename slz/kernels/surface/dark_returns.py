@@ -34,8 +34,10 @@ def dark_returns(fields: Array3D[np.float32], level: Array2D[np.bool_]) -> Array
     """
     dark, on_level = fields[DARK : DARK + 1], np.zeros_like(fields[:1])
     out: Array2D[np.float32] = np.zeros_like(fields[0])
-    any_silent = False
-    if not (dark > F0).any():
+    any_dark = any_silent = False
+    for k in range(out.size):
+        any_dark |= bool(dark.flat[k] > F0)
+    if not any_dark:
         return out
     for k in range(out.size):
         if level.flat[k]:

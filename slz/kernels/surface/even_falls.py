@@ -32,7 +32,10 @@ def even_falls(
     """
     n, side, off, steep = len(falling), int(BLOCK_M / cell), np.zeros(labels.shape), np.zeros(labels.shape)
     size, variance, gradient = np.zeros(n), np.zeros(n), np.zeros(n)
-    if not falling.any():
+    any_falls = False
+    for label in range(1, n):
+        any_falls |= falling[label]
+    if not any_falls:
         return off, variance, gradient
     boxes = bounding_boxes(labels, n, 0)
     for label in range(1, n):
@@ -47,8 +50,10 @@ def even_falls(
             size[own] += 1
             variance[own] += off.flat[k] * off.flat[k]
             gradient[own] += steep.flat[k]
-    size = np.maximum(size, 1)
-    return off, variance / size, gradient / size
+    for label in range(1, n):
+        if size[label] > 0:
+            variance[label], gradient[label] = variance[label] / size[label], gradient[label] / size[label]
+    return off, variance, gradient
 
 
 @kernel_part

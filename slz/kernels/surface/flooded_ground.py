@@ -11,8 +11,8 @@ import numpy as np
 
 from slz.kernels.argument_types import Array2D, Array3D
 from slz.kernels.jit import kernel_part
+from slz.kernels.ranks import ranked
 from slz.kernels.surface.masks import connected_parts
-from slz.kernels.surface.ranks import ranked
 from slz.kernels.surface.shores import flood
 from slz.kernels.surface.specular_returns import FEWEST
 from slz.kernels.surface.surface_record import ASIDE, ASIDE_LIGHT, COUNT, MEAN
@@ -51,9 +51,11 @@ def flood_ground(
             level.flat[k] = level_m.flat[k]
             above.flat[k] -= level.flat[k]
     any_water = _flood(water, fields, labels, level, above, cell**2, FEWEST_M2, EVERY_LEVEL_M)
-    shines = surface_m == surface_m
-    if shines.any():
-        level[:] = 0
+    shines, any_shines = np.empty(labels.shape, np.bool_), False
+    for k in range(level.size):
+        shines.flat[k], level.flat[k] = surface_m.flat[k] == surface_m.flat[k], 0
+        any_shines |= bool(shines.flat[k])
+    if any_shines:
         mirrors = connected_parts(shines, 1.0, 1.0)[0]
         any_water |= _flood(water, fields, mirrors, level, surface_m, cell**2, FEWEST_SHINING_M2, ONE_LEVEL_M)
     return any_water
@@ -71,27 +73,32 @@ def _flood(
     one_level_m: np.float32,
 ) -> bool:
     """Flood from the probable water of each label, which is at one height above its level that may fall."""
-    f, seeds = fields.reshape(len(fields), -1), np.zeros_like(labels)
-    size, total = np.zeros(labels.max() + 1, np.int64), np.zeros(labels.max() + 1)
+    f, seeds, n_labels = fields.reshape(len(fields), -1), np.zeros(labels.shape, np.int32), 1
+    for k in range(labels.size):
+        n_labels = max(n_labels, int(labels.flat[k]) + 1)
+    size, place, total = np.zeros(n_labels, np.int64), np.zeros(n_labels, np.int64), np.zeros(n_labels)
     for k in range(labels.size):
         if labels.flat[k] > 0 and f[COUNT, k] > 0 and water.flat[k] >= SEED:
             own = seeds.flat[k] = labels.flat[k]
             size[own] += 1
             total[own] += water.flat[k]
-    heights, raised = np.empty(size.sum(), np.float32), np.full(len(size), np.nan, np.float32)
-    place = np.cumsum(size) - size
+    for label in range(1, n_labels):
+        place[label] = place[label - 1] + size[label - 1]
+    heights, any_raised = np.empty(place[-1] + size[-1], np.float32), False
+    raised = np.full(n_labels, np.nan, np.float32)
     for k in range(labels.size):
         own = seeds.flat[k]
         if own > 0:
             heights[place[own]] = above.flat[k]
             place[own] += 1
-    for label in range(1, len(size)):
+    for label in range(1, n_labels):
         n = size[label]
         if n * cell_m2 >= least_m2:
             of = heights[place[label] - n : place[label]]
             if ranked(of, int(HIGH * n)) - ranked(of, int(LOW * n)) <= one_level_m:
                 raised[label] = ranked(of, int(SURFACE * n))  # a bottom that shows here and there draws down
-    if np.isnan(raised).all():
+                any_raised |= not math.isnan(raised[label])
+    if not any_raised:
         return False
     may, over = np.empty(labels.shape, np.bool_), level.copy()
     for k in range(labels.size):

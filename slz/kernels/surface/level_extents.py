@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D
+from slz.kernels.growable_array import put
 from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.surface.banks import banks
 from slz.kernels.surface.even_falls import even_falls
@@ -36,6 +37,15 @@ FALLS, SCORES_FALL = (0.003, 0.006), (0.0, -3.0)
 SCORE_POOR = 1.5
 
 
+@kernel_part
+def _bands(residual_m: Array1D[np.float64]) -> Array1D[np.float64]:
+    """Return for each extent how far from its level a cell of it may be."""
+    out = np.empty(len(residual_m))
+    for label in range(len(out)):
+        out[label] = max(BAND_M, SIGMAS * residual_m[label])
+    return out
+
+
 @kernel
 def add_coarse(
     fields: Array3D[np.float32],
@@ -58,14 +68,16 @@ def add_coarse(
     wide, wide_m, scores, residual_m
         Of `extents_of` for the wide ones.
     """
-    n, band_m = len(score), np.maximum(BAND_M, SIGMAS * residual_m)
+    n, band_m, both = len(score), _bands(residual_m), np.empty(len(score) + len(scores) - 1)
     for r in range(labels.shape[0]):
         for c in range(labels.shape[1]):
             own, height = wide[r // 2, c // 2], wide_m[r // 2, c // 2]
             near = fields[COUNT, r, c] == 0 or abs(fields[MEAN, r, c] - height) < band_m[own]
             if own > 0 and near and (labels[r, c] == 0 or scores[own] > score[labels[r, c]]):
                 labels[r, c], level_m[r, c] = own + n - 1, height
-    return np.concatenate((score, scores[1:]))
+    put(both, 0, score)
+    put(both, n, scores[1:])
+    return both
 
 
 @kernel
@@ -106,8 +118,12 @@ def _grow_to_shore(
     Unseen cells belong to them as far as they are gaps within.
     """
     grow_extents(count, mean, labels, level_m, band_m, PLANE_RADIUS + 1)
-    own, unseen = (labels > 0) & (count > 0), (labels > 0) & (count == 0)
-    if unseen.any():
+    own, unseen, any_unseen = np.zeros(labels.shape, np.bool_), np.zeros(labels.shape, np.bool_), False
+    for k in range(labels.size):
+        if labels.flat[k] > 0:
+            own.flat[k], unseen.flat[k] = count.flat[k] > 0, count.flat[k] == 0
+            any_unseen |= count.flat[k] == 0
+    if any_unseen:
         gaps = closed_mask(own, unseen)
         for k in range(labels.size):
             if unseen.flat[k] and not gaps.flat[k]:
@@ -128,35 +144,45 @@ def extents_of(
     Return labels (rows, cols), 0 for none, the level there, if it is water, else NaN, and of each label the
     log odds for water and the residual of its planes, root mean square.
     """
-    core = (planes[GRADIENT] < FLATTEST) & (planes[RESIDUAL] < most_residual_m)
+    (rows, cols), height = mean.shape, planes[LEVEL]
+    core, level_m = np.empty((rows, cols), np.bool_), np.full((rows, cols), np.nan, np.float32)
+    for r in range(rows):
+        for c in range(cols):
+            core[r, c] = (planes[GRADIENT, r, c] < FLATTEST) & (planes[RESIDUAL, r, c] < most_residual_m)
     labels, n = connected_parts(core, cell**2, SMALLEST_M2)
-    level_m, score = np.full_like(mean, np.nan), np.zeros(n)
+    score, residual_m = np.zeros(n), np.zeros(n)
     if n == 1:
-        return labels, level_m, score, score
-    size, level, noise_m2, residual2, variance = np.zeros((5, n))
-    residual = planes[RESIDUAL].astype(np.float64)
-    for k in range(labels.size):
-        own = labels.flat[k]
-        if own > 0:
-            size[own] += 1
-            level[own] += planes[LEVEL].flat[k]
-            noise_m2[own] += residual.flat[k] * residual.flat[k] / planes[N].flat[k]
-            residual2[own] += residual.flat[k] * residual.flat[k]
-    size = np.maximum(size, 1)
-    level, noise_m2 = level / size, noise_m2 / size
-    for k in range(labels.size):
-        own = labels.flat[k]
-        if own > 0:
-            off = planes[LEVEL].flat[k] - level[own]
-            variance[own] += off * off
-            level_m.flat[k] = level[own]
-    inexact_m = np.sqrt(np.maximum(variance / size - noise_m2, 0))
-    falling, exact = inexact_m > falling_m, np.zeros(n)
-    off, about, falls = even_falls(labels, planes[LEVEL], falling, cell)
-    falling &= falls < FALLS[-1]
-    for k in range(labels.size):
-        if falling[labels.flat[k]]:
-            level_m.flat[k] = planes[LEVEL].flat[k] - off.flat[k]
+        return labels, level_m, score, residual_m
+    size, level, noise_m2, variance, exact = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
+    inexact_m, falling = np.zeros(n), np.zeros(n, np.bool_)
+    for r in range(rows):
+        for c in range(cols):
+            own, residual = labels[r, c], np.float64(planes[RESIDUAL, r, c])
+            if own > 0:
+                size[own] += 1
+                level[own] += height[r, c]
+                noise_m2[own] += residual * residual / planes[N, r, c]
+                residual_m[own] += residual * residual
+    for label in range(1, n):
+        level[label], noise_m2[label] = level[label] / size[label], noise_m2[label] / size[label]
+        residual_m[label] = math.sqrt(residual_m[label] / size[label])
+    for r in range(rows):
+        for c in range(cols):
+            own = labels[r, c]
+            if own > 0:
+                off = height[r, c] - level[own]
+                variance[own] += off * off
+                level_m[r, c] = level[own]
+    for label in range(1, n):
+        inexact_m[label] = math.sqrt(max(variance[label] / size[label] - noise_m2[label], 0.0))
+        falling[label] = inexact_m[label] > falling_m
+    above, about, falls = even_falls(labels, height, falling, cell)
+    for label in range(1, n):
+        falling[label] &= falls[label] < FALLS[-1]
+    for r in range(rows):
+        for c in range(cols):
+            if falling[labels[r, c]]:
+                level_m[r, c] = height[r, c] - above[r, c]
     for label in range(1, n):
         exact[label] = interpolate(inexact_m[label], EXACT_M, EXACTNESS)
         area = interpolate(math.log(size[label] * cell**2), EXTENTS, SCORE_EXTENTS)
@@ -165,8 +191,7 @@ def extents_of(
             exact[label] = interpolate(about_m, EXACT_FALL_M, EXACTNESS)
             area, score[label] = min(area, SCORE_FALLING), interpolate(falls[label], FALLS, SCORES_FALL)
         score[label] += min(area, 0.0) + max(area, 0.0) * exact[label] - SCORE_POOR * max(-exact[label], 0.0)
-    residual_m = np.sqrt(residual2 / size)
-    _grow_to_shore(count, mean, labels, level_m, np.maximum(BAND_M, SIGMAS * residual_m))
+    _grow_to_shore(count, mean, labels, level_m, _bands(residual_m))
     around = banks(count, mean, labels, level_m, falling, cell)
     for label in range(1, n):
         weight = max(exact[label], 0.0) if falling[label] and around[label] > 0 else 1.0

@@ -34,10 +34,10 @@ def spread_m(count: np.float32, squares: np.float32) -> np.float32:
 def penetration(fields: Array3D[np.float32]) -> Array2D[np.float32]:
     """Return the log odds for plants: of cells whose neighbourhood has returns from several depths."""
     f, layers = fields.reshape(len(fields), -1), np.zeros_like(fields[:6])
-    layers[3], layers[4], layers[5] = fields[TOLD], fields[SEVERAL], fields[COUNT]
     flat, out = layers.reshape(6, -1), np.full(fields[0].shape, SCORE_PRIOR, np.float32)
     for k in range(f.shape[1]):
         count, apart = f[COUNT, k], f[DEEP, k] + f[TALL, k]
+        flat[3, k], flat[4, k], flat[5, k] = f[TOLD, k], f[SEVERAL, k], count
         if count > F0:
             flat[0, k] = F1
             flat[1, k] = apart >= F1 and apart > FALSE_SHARE * count

@@ -9,11 +9,11 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D
 from slz.kernels.jit import kernel, kernel_part
+from slz.kernels.ranks import median
 from slz.kernels.surface.masks import SIDES, bounding_boxes, with_holes
 from slz.kernels.surface.penetration import spread_m
 from slz.kernels.surface.piecewise_linear import ramp
 from slz.kernels.surface.plateaus import connect
-from slz.kernels.surface.ranks import median
 from slz.kernels.surface.surface_record import COUNT, MEAN, SQUARES
 
 STEP_M = 0.35  # between neighbouring cells of a plateau, for cells of a metre
@@ -32,8 +32,8 @@ SCORE_PRIOR, SCORE_DROPS = -4.0, 8.0
 def _keep_possible(labels: Array2D[np.int32], n: int, cell_m2: float) -> int:
     """Keep the labels of plateaus as large as roofs, numbered anew; return their number with label 0."""
     size, number, kept = np.zeros(n + 1, np.int64), np.zeros(n + 1, np.int32), 1
-    for own in labels.flat:
-        size[own] += 1
+    for k in range(labels.size):
+        size[labels.flat[k]] += 1
     for label in range(1, n + 1):
         if SMALLEST_M2 <= size[label] * cell_m2 <= LARGEST_M2:
             number[label] = kept

@@ -46,9 +46,11 @@ def _score(
 @kernel_part
 def _suspect_by_lost_rays(fields: Array3D[np.float32], score: Array2D[np.float32]) -> None:
     """Raise the score of seen cells that answered too few oblique rays to acquit them."""
-    f, rays = fields.reshape(len(fields), -1), np.empty_like(fields[:5])
-    for k, field in enumerate((OBLIQUE, LOST_OBLIQUE, SLANTED, LOST_SLANTED, REPORTED)):
-        rays[k] = fields[field]
+    f, rays = fields.reshape(len(fields), -1), np.empty((5, *score.shape), np.float32)
+    flat = rays.reshape(5, -1)
+    for k in range(score.size):
+        flat[0, k], flat[1, k], flat[2, k] = f[OBLIQUE, k], f[LOST_OBLIQUE, k], f[SLANTED, k]
+        flat[3, k], flat[4, k] = f[LOST_SLANTED, k], f[REPORTED, k]
     near = box_sums(rays, AROUND).reshape(5, -1)
     for k in range(score.size):
         if f[COUNT, k] > F0 and f[OBLIQUE, k] < FEWEST_RAYS:

@@ -116,8 +116,8 @@ def weigh(
         planes.reshape(4, -1),
     )
     against, of_maker = odds.reshape(3, -1), said.reshape(3, -1)
-    out[CANOPY] = F0
     for k in range(f.shape[1]):
+        out[CANOPY, k] = F0
         seen, roof, mirror = f[COUNT, k] > F0, roofs.flat[k], mirrors.flat[k]
         # Around water that answered lies more of it, as even as ground: shape acquits it of little.
         level = levels.flat[k]
@@ -186,13 +186,18 @@ def decide(
     layers
         (N_LAYERS, rows, cols), as `weigh` left them.
     """
-    water = (F1 / (F1 + odds[0])).astype(np.float64)
+    _, rows, cols = odds.shape
+    water, probable = np.empty((rows, cols)), np.empty((1, rows, cols), np.float32)
+    for k in range(water.size):
+        water.flat[k] = F1 / (F1 + odds.flat[k])
     floods = flood_ground(water, fields, labels, level_m, surface_m, cell)
     # A shore passes through cells of which at least three others are water.
-    beside = box_sums((water >= SEED).astype(np.float32).reshape(1, *water.shape), 1)
+    for k in range(water.size):
+        probable.flat[k] = water.flat[k] >= SEED
+    beside = box_sums(probable, 1)
     out, against = layers.reshape(N_LAYERS, -1), odds.reshape(3, -1)
     for k in range(water.size):
-        own, is_shore = water.flat[k], fields[COUNT].flat[k] > F0 and beside.flat[k] >= BESIDE
+        own, is_shore = float(water.flat[k]), fields[COUNT].flat[k] > F0 and beside.flat[k] >= BESIDE
         own = max(own, SHORE) if is_shore else own
         if floods:
             _decide(own, against, kinds, out, k)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slz.kernels.surface.ranks import median, ranked
+from slz.kernels.ranks import median, ranked
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 10, 101])
