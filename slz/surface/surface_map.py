@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -163,7 +164,7 @@ class SurfaceMap:
         row, col, rows, cols = self._box((east_m, north_m, east_m, north_m), around_m)
         out = np.empty((N_LAYERS, rows, cols), np.float32)
         read(self._tiles, self._pool, row, col, LAYERS, out)
-        return SurfaceLayers(out).here()
+        return _here(out.tobytes(), rows)
 
     def _box(self, part: Edges, around_m: float) -> tuple[int, int, int, int]:
         """Return first row and column of the cells in and around a part, and the number of both."""
@@ -173,6 +174,12 @@ class SurfaceMap:
         last_row = math.floor((north + around_m - self.south_m) / self.cell_m)
         last_col = math.floor((east + around_m - self.west_m) / self.cell_m)
         return row, col, last_row - row + 1, last_col - col + 1
+
+
+@functools.lru_cache(256)
+def _here(values: bytes, rows: int) -> SurfaceHere:
+    """Return `SurfaceLayers.here` of the bytes of its values: mostly those of the last window."""
+    return SurfaceLayers(np.frombuffer(values, np.float32).reshape(N_LAYERS, rows, -1)).here()
 
 
 def _parts(west: float, south: float, east: float, north: float) -> Iterator[Edges]:

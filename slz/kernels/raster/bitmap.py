@@ -18,8 +18,6 @@ Bits = Array2D[np.uint64]
 NONE, ONE, LAST = np.uint64(0), np.uint64(1), np.uint64(63)
 signed = cast(Callable[[Any], int], np.int64)  # converts a word to a number that mixes with other integers
 ALL = np.uint64(0xFFFFFFFFFFFFFFFF)
-EACH, DIAGONAL = np.uint64(0x0101010101010101), np.uint64(0x8040201008040201)
-BELOW = np.uint64(0x7F7F7F7F7F7F7F7F)
 
 
 def _operation(build: Callable[[Any, Any], Any], plain: Callable[[int], int]) -> Any:
@@ -83,22 +81,10 @@ def prefix_xor(word: np.uint64) -> np.uint64:
     return word
 
 
-@kernel
-def _spread_out(bits: Bits, eights: Bits) -> None:
-    for r in range(bits.shape[0]):
-        for w in range(np.uint64(bits.shape[1])):
-            word = bits[r, w]
-            for b in range(np.uint64(8)):
-                eight = (word >> (b * np.uint64(8))) & np.uint64(0xFF)
-                apart = (eight * EACH) & DIAGONAL  # bit k of the eight, alone in byte k
-                eights[r, w * np.uint64(8) + b] = ((apart + BELOW) >> np.uint64(7)) & EACH
-
-
 def unpacked(bits: Bits, first: int, cols: int) -> NDArray[np.uint8]:
     """Return cells as bytes, `cols` columns from column `first` on; a view into whole words."""
-    out = np.empty((len(bits), 64 * bits.shape[1]), np.uint8)
-    _spread_out(bits, out.view(np.uint64))
-    return out[:, first : first + cols]
+    cells = np.unpackbits(bits.view(np.uint8), axis=1, bitorder="little")
+    return np.asarray(cells[:, first : first + cols])
 
 
 def packed(cells: NDArray[np.uint8]) -> Bits:
