@@ -12,28 +12,25 @@ CHUNK = 64  # heights processed together
 ONE = np.uint64(1)
 
 
-@kernel_at_call
-def ends_of(count: Strided1D[np.int64], most: int, needed: int) -> tuple[int, int]:
-    """Return the first and last bin after cutting at most `most` heights beyond `needed` empty bins."""
-    bins = len(count)
-    first, last = 0, bins - 1
-    cut, empty = 0, 0
-    for b in range(bins):
+@kernel_part
+def _cut_off(count: Strided1D[np.int64], most: int, needed: int) -> int:
+    """Return how many of the first bins are cut, see `ends_of`."""
+    cut = empty = first = 0
+    for b in range(len(count)):
         empty = empty + 1 if count[b] == 0 else 0
         cut += count[b]
         if cut > most:
             break
         if empty >= needed:
             first = b + 1
-    cut, empty = 0, 0
-    for b in range(bins - 1, -1, -1):
-        empty = empty + 1 if count[b] == 0 else 0
-        cut += count[b]
-        if cut > most:
-            break
-        if empty >= needed:
-            last = b - 1
-    return (first, last) if first <= last else (0, bins - 1)
+    return first
+
+
+@kernel_at_call
+def ends_of(count: Strided1D[np.int64], most: int, needed: int) -> tuple[int, int]:
+    """Return the first and last bin after cutting at most `most` heights beyond `needed` empty bins."""
+    first, last = _cut_off(count, most, needed), len(count) - 1 - _cut_off(count[::-1], most, needed)
+    return (first, last) if first <= last else (0, len(count) - 1)
 
 
 @kernel_part
