@@ -16,6 +16,7 @@ from slz.window import Scan
 
 KEPT_NS = 400_000_000  # returns that are grouped together: a person 25 m away returns some in this time
 STEP_NS = 45_000_000  # between two updates of the tracks
+GROUND_NS = 500_000_000  # between two reports whose ground is taken: what changes in less moves
 
 
 class MovingObjects:
@@ -35,6 +36,7 @@ class MovingObjects:
     def __init__(self, angle_noise_rad: float) -> None:
         self._angle_noise_rad = angle_noise_rad
         self._ground: Ground | None = None
+        self._ground_ns = 0
         self._recent = RecentGround()
         self._newest_ns = 0
         self._frame: LocalFrame | None = None
@@ -44,11 +46,12 @@ class MovingObjects:
         self.found: tuple[MovingObject, ...] = ()
 
     def use_ground(self, nearby: Nearby | None) -> None:
-        """Compare scans with the ground of a report from now on, None for none."""
-        self._ground = None if nearby is None else self._recent.add(nearby, self._newest_ns)
+        """Compare scans with the ground of a report from now on, None for none; with one each half second."""
         if nearby is None:
+            self._ground, self.found = None, ()
             self._recent.forget()
-            self.found = ()
+        elif self._ground is None or not 0 <= self._newest_ns - self._ground_ns < GROUND_NS:
+            self._ground, self._ground_ns = self._recent.add(nearby, self._newest_ns), self._newest_ns
 
     def forget(self) -> None:
         """Forget ground and tracks: a new map begins."""

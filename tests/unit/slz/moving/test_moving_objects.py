@@ -107,12 +107,13 @@ def test_specks_of_dust_are_no_object(specks: int, seed: int) -> None:
     assert not any(followed(scans(specks=specks, seconds=6.0, seed=seed)))
 
 
-def test_the_report_that_shows_who_walks_does_not_hide_him() -> None:
+@pytest.mark.parametrize("every", [2, 10])
+def test_the_report_that_shows_who_walks_does_not_hide_him(every: int) -> None:
     """Each shows him for the last second, as high as he is, over the ground of the first."""
     way = straight((-3.0, 6.0), (0.9, 0.0))
     watch, found = MovingObjects(ANGLE_NOISE), []
     for number, scan in enumerate(scans(way, count=12, size_m=1.7, seconds=5.0)):
-        if number % 10 == 0:
+        if number % every == 0:
             known = ground()
             for t in np.arange(number * 0.05 - 1.0, number * 0.05, 0.1) if number else ():
                 row, col = (int((m + 30.0) / 0.5) for m in way(t)[::-1])
