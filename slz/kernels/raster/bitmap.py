@@ -12,7 +12,7 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from slz.kernels.argument_types import Array2D, Strided2D
-from slz.kernels.jit import kernel, kernel_part
+from slz.kernels.jit import kernel_part
 
 Bits = Array2D[np.uint64]
 NONE, ONE, LAST = np.uint64(0), np.uint64(1), np.uint64(63)
