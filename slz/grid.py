@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self, TypeVar
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-T = TypeVar("T", bound=np.generic)
 Edges = tuple[float, float, float, float]
 """West, south, east and north edge of a rectangle (m)."""
 
@@ -95,21 +94,6 @@ def common(a: Box, b: Box) -> Box:
 def within(inner: Box, outer: Box) -> tuple[slice, slice]:
     """Return the slices of a box in the array of a box around it."""
     return inner.relative_to(outer).slices
-
-
-def box_of_cells(rows_cols: NDArray[np.integer]) -> Box:
-    """Return the bounding box of (n, 2) rows and columns."""
-    if not len(rows_cols):
-        return Box(0, 0, 0, 0)
-    rows, cols = rows_cols.T  # one column at a time is ten times faster than a reduction along an axis of two
-    return Box(int(rows.min()), int(rows.max()) + 1, int(cols.min()), int(cols.max()) + 1)
-
-
-def read_at(read: Callable[[Box], NDArray[T]], rows_cols: NDArray[np.integer]) -> NDArray[T]:
-    """Return the values at (n, 2) rows and columns, from a function that reads a box."""
-    box = box_of_cells(rows_cols)
-    rows, cols = (rows_cols - np.array([box.row0, box.col0])).T
-    return np.asarray(read(box)[rows, cols])
 
 
 @dataclass(frozen=True, slots=True)

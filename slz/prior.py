@@ -21,10 +21,10 @@ from scipy import ndimage
 
 from params import Parameters
 from slz.frame import LocalFrame, is_known
-from slz.grid import Box, Grid, read_at
+from slz.grid import Box, Grid
 from slz.kernels.points.prior_agreement import contradict, heights_over
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
-from slz.terrain.terrain_view import CellView, UnboundedTerrain
+from slz.terrain.terrain_view import TerrainView, UnboundedTerrain
 from slz.zone import Zone
 from slz.zones.description import Content, describe
 from slz.zones.detection import Candidate, search_components, side_in_cells
@@ -61,7 +61,7 @@ Source = Callable[[LocalFrame, Points], Surveyed | None]
 
 
 class PriorTerrain(UnboundedTerrain):
-    """What is left of surveyed ground, to be read as the live maps are (`CellView`).
+    """What is left of surveyed ground, to be read as the live maps are (`TerrainView`).
 
     offset_m: height of the survey's zero over the zero of the live maps' stored heights. datum_m: height of
     the latter, see `slz.terrain.tiles.Tiles`.
@@ -98,9 +98,6 @@ class PriorTerrain(UnboundedTerrain):
         if name == "slope_deg":
             return _window(self.surveyed.slope_deg, box, np.nan)
         return np.full(box.shape, np.nan, np.float32)
-
-    def layer_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
-        return read_at(lambda box: self.layer(name, box), cells)
 
 
 class Prior:
@@ -143,7 +140,7 @@ class Prior:
         sensor_enu_m: Points,
         frame: LocalFrame,
         now_s: float,
-        live: tuple[CellView, ...],
+        live: tuple[TerrainView, ...],
         datum_m: float = 0.0,
     ) -> None:
         """Compare a window's returns with the survey and update the zones.
@@ -247,7 +244,7 @@ class Prior:
             contradict(points, over, sensor, terrain.offset_m, least_m, noise, *place, terrain.given_up)
         )
 
-    def _overruled(self, zone: Zone, terrain: PriorTerrain, live: tuple[CellView, ...]) -> bool:
+    def _overruled(self, zone: Zone, terrain: PriorTerrain, live: tuple[TerrainView, ...]) -> bool:
         """Return whether a return or a live map contradicts a zone's landing point."""
         row, col = terrain.grid.index(*zone.best.enu_m[:2].tolist())
         if not zone.holds(row, col):
@@ -270,12 +267,12 @@ class Prior:
         found = search_components(safe, box, side, fewest)
 
         def described(one: Candidate, number: int) -> Zone:
-            return describe(Content.of(one, terrain, side), terrain, sensor, p, number)
+            return describe(Content.of(one, terrain), terrain, sensor, p, number)
 
         return rank(self._tracker.update(found, described), p)
 
 
-def known_to(live: tuple[CellView, ...], grid: Grid) -> NDArray[np.bool_]:
+def known_to(live: tuple[TerrainView, ...], grid: Grid) -> NDArray[np.bool_]:
     """Return the cells of a raster whose centres are known to a live map."""
     out = np.zeros((grid.rows, grid.cols), bool)
     for terrain in live:

@@ -6,7 +6,6 @@ approach to the pilot.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,8 +13,6 @@ from numpy.typing import NDArray
 
 from slz.frame import LocalFrame
 from slz.grid import Box, Grid
-from slz.kernels.raster.bitmap import Bits
-from slz.kernels.raster.connected_components import highest_cells, largest_groups
 from slz.kernels.raster.horizon import horizon
 
 SECTORS = 36
@@ -85,36 +82,6 @@ class Groups:
         )
 
 
-def grouped(
-    raised: Bits,
-    tops_m: Callable[[NDArray[np.int32]], NDArray[np.float32]],
-    grounds_m: Callable[[NDArray[np.int64], NDArray[np.int32]], NDArray[np.float64]],
-    grid: Grid,
-    box: Box,
-    most: int,
-) -> Groups:
-    """Return the `most` largest groups of touching raised cells of a box.
-
-    Parameters
-    ----------
-    raised
-        Bitmap over the box of the cells that belong to an obstacle.
-    tops_m
-        Returns the heights of the highest returns of (n, 2) cells of the grid.
-    grounds_m
-        Returns the ground heights of groups (as from `largest_groups`), given their highest cells.
-    """
-    groups, cells = largest_groups(raised, most)
-    cells[:, 0] += box.row0
-    cells[:, 1] += box.col0
-    tops = tops_m(cells)
-    places = highest_cells(tops, groups)
-    top = tops[places]
-    top[np.isnan(top)] = -np.inf
-    over = top.astype(np.float64) - grounds_m(groups, cells[places])
-    return Groups(grid, cells, groups[:, 4:], places, top, over)
-
-
 def horizon_at(
     enu_m: NDArray[np.float64],
     top_m: NDArray[np.float32],
@@ -122,16 +89,9 @@ def horizon_at(
     box: Box,
     near_m: float,
     far_m: float,
-    towards: tuple[float, float] = (0.0, 0.0),
 ) -> NDArray[np.float64]:
-    """Return (36,) elevation angles (deg) of the horizon at a point, by bearing clockwise from north.
-
-    With a unit direction (east, north), only the angles within 20 degrees of that direction are computed.
-    """
+    """Return (36,) elevation angles (deg) of the horizon at a point, by bearing clockwise from north."""
     row = (enu_m[1] - grid.south_m) / grid.cell_m - 0.5 - box.row0
     col = (enu_m[0] - grid.west_m) / grid.cell_m - 0.5 - box.col0
-    angles = horizon(
-        np.ascontiguousarray(top_m, np.float32), row, col, enu_m[2], grid.cell_m, near_m, far_m, SECTORS,
-        *towards,
-    )  # fmt: skip
-    return np.degrees(angles)
+    top_m = np.ascontiguousarray(top_m, np.float32)
+    return np.degrees(horizon(top_m, row, col, enu_m[2], grid.cell_m, near_m, far_m, SECTORS))

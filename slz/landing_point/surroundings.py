@@ -11,9 +11,11 @@ from scipy import ndimage
 
 from params import Parameters
 from slz.frame import is_known
-from slz.grid import Box
+from slz.grid import Box, common
 from slz.kernels.raster.bitmap import packed
-from slz.landing_point.obstacles import SECTORS, Obstacle, grouped, horizon_at
+from slz.kernels.raster.connected_components import highest_cells, largest_groups
+from slz.kernels.raster.horizon import box_ahead
+from slz.landing_point.obstacles import SECTORS, Groups, Obstacle, horizon_at
 from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.terrain_maps import SAFE
 from slz.terrain.terrain_view import TerrainView
@@ -82,13 +84,12 @@ def surroundings(enu_m: NDArray[np.float64], terrain: TerrainView, parameters: P
     plane = _plane(east, north, terrain.layer("height_m", box), _own_ground(terrain, box, cell), level_m)
     raised = (top - plane > parameters.relief_m + BULGE * distance) & (distance <= parameters.surround_m)
 
-    def grounds(_: NDArray[np.int64], highest: NDArray[np.int32]) -> NDArray[np.float64]:
-        return plane[highest[:, 0] - box.row0, highest[:, 1] - box.col0]
-
-    def tops(cells: NDArray[np.int32]) -> NDArray[np.float32]:
-        return top[cells[:, 0] - box.row0, cells[:, 1] - box.col0]
-
-    found = grouped(packed(raised.view(np.uint8)), tops, grounds, grid, box, MOST_OBSTACLES)
+    groups, cells = largest_groups(packed(raised.view(np.uint8)), MOST_OBSTACLES)
+    tops_m = top[cells[:, 0], cells[:, 1]]
+    highest = highest_cells(tops_m, groups)
+    over_m = tops_m[highest].astype(np.float64) - plane[cells[highest, 0], cells[highest, 1]]
+    cells += np.array([box.row0, box.col0], np.int32)
+    found = Groups(grid, cells, groups[:, 4:], highest, tops_m[highest], over_m)
     nearest = sorted(found.over(0.0), key=lambda obstacle: obstacle.distance_m(enu_m))
     here = np.array([enu_m[0], enu_m[1], plane[cell.row0 - box.row0, cell.col0 - box.col0]])
     half_m = parameters.footprint_m / 2
@@ -139,33 +140,18 @@ def horizon_towards(
     if not (is_known(enu_m) and is_known(sensor_enu_m)):
         return float("nan")
     east, north = (sensor_enu_m[:2] - enu_m[:2]).tolist()
-    way = math.hypot(east, north)
-    towards = (east / way, north / way) if way > 0 else (0.0, 0.0)
-    reach = math.ceil(parameters.surround_m / terrain.grid.cell_m)
-    box = _ahead(terrain.around(cell_of(enu_m, terrain), reach), cell_of(enu_m, terrain), reach, *towards)
-    half_m = parameters.footprint_m / 2
-    reach_m = half_m, parameters.surround_m
-    if isinstance(terrain, EvidenceTerrain) and way > 0:
-        view = np.degrees(terrain.horizon(enu_m, box, *reach_m, SECTORS, towards))
+    way, grid = math.hypot(east, north), terrain.grid
+    reach, cell = math.ceil(parameters.surround_m / grid.cell_m), cell_of(enu_m, terrain)
+    reach_m = parameters.footprint_m / 2, parameters.surround_m
+    if not way > 0:
+        towards, box = (0.0, 0.0), terrain.around(cell, reach)
     else:
-        view = horizon_at(enu_m, _view(terrain, box), terrain.grid, box, *reach_m, towards)
+        towards = east / way, north / way
+        box = Box(*box_ahead(cell.row0, cell.col0, reach, *towards))
+        if isinstance(terrain, EvidenceTerrain):
+            return math.degrees(terrain.horizon(enu_m, box, *reach_m, SECTORS, towards))
+        box = common(box, terrain.around(cell, reach))
+    view = horizon_at(enu_m, _view(terrain, box), grid, box, *reach_m)
     sector = round(math.atan2(east, north) / (2 * math.pi / len(view)))
     ahead = view[[(sector + step) % len(view) for step in (-1, 0, 1)]]
     return float(np.nanmax(ahead)) if np.isfinite(ahead).any() else float("nan")
-
-
-def _ahead(box: Box, cell: Box, reach: int, east: float, north: float) -> Box:
-    """Return the part of a box around a cell that may hold cells within 45 degrees of a direction."""
-    bearing = math.atan2(east, north)
-    edges = (bearing - math.pi / 4, bearing + math.pi / 4)
-    axes = [k * math.pi / 2 for k in range(-4, 5) if edges[0] <= k * math.pi / 2 <= edges[1]]
-    if not (east or north):
-        return box
-    rows = [0.0, *(reach * math.cos(angle) for angle in (*edges, *axes))]
-    cols = [0.0, *(reach * math.sin(angle) for angle in (*edges, *axes))]
-    return Box(
-        max(box.row0, cell.row0 + math.floor(min(rows)) - 1),
-        min(box.row1, cell.row1 + math.ceil(max(rows)) + 1),
-        max(box.col0, cell.col0 + math.floor(min(cols)) - 1),
-        min(box.col1, cell.col1 + math.ceil(max(cols)) + 1),
-    )

@@ -6,12 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Box, Grid
-from slz.kernels.raster.connected_components import obstacles
 from slz.landing_point.obstacles import Obstacle
 from slz.paper.snapshots import Blocks, joined
+from slz.zones.description import obstacles_of
+from slz.zones.tile_view import TileView
 
-MOST_OBSTACLES = 200
-AROUND = 3  # cells around an obstacle whose ground its height refers to
 Bits = NDArray[np.uint64]
 
 
@@ -28,13 +27,14 @@ def source_obstacles(holes: Bits, own: Bits, height_m: Blocks, box: Box, grid: G
     height_m
         Blocks of the total DSM that cover the box.
     """
-    first = box.col0 >> 6 << 6
+    first, heights = box.col0 >> 6 << 6, joined(height_m, box)
     corner = grid.west_m + first * grid.cell_m, grid.south_m + box.row0 * grid.cell_m
-    found, ends, cells = obstacles(
-        holes, own, joined(height_m, box), *corner, grid.cell_m, MOST_OBSTACLES, AROUND
-    )
-    cells.flags.writeable = False
-    return tuple(
-        Obstacle(east, north, top, over, cells[first:stop], grid.cell_m)
-        for (east, north, top, over), (first, stop) in zip(found.tolist(), ends.tolist(), strict=True)
-    )
+    cells = Box(0, heights.shape[0], 0, heights.shape[1])
+
+    def layer(_: str, whole: Box) -> NDArray[np.float32]:
+        below = whole.shape[0] - len(heights)
+        return np.pad(heights, ((0, below), (0, 0)), constant_values=np.nan)
+
+    view = TileView.copied(layer, cells, 0, "height_m", "top_m")
+    found, _ = obstacles_of(view, cells, own, holes, Grid(*corner, grid.cell_m, *cells.shape))
+    return found.over(0.0)

@@ -142,6 +142,7 @@ class EvidenceTerrain(UnboundedTerrain):
         self._footings: dict[Box, tuple[bytes, Footing]] = {}  # by digest of the cells; used last at the end
         self._reach = reach_of(parameters, grid.cell_m)
         self.radius, self._margin = self._reach.radius, self._reach.margin
+        self._footing_edge = footing_edge(self.radius, grid.cell_m, parameters)
 
     # ---- boxes: in the window, and in all ground (counted from the tiles' corner) ---------------
 
@@ -271,7 +272,7 @@ class EvidenceTerrain(UnboundedTerrain):
             self.pinned = frozenset()
             return
         fine_m = self.tiles.cell_m
-        cells = max(self._margin, footing_edge(self.radius, self.grid.cell_m, self._parameters))
+        cells = max(self._margin, self._footing_edge)
         reach = cells * 2**self.level + math.ceil(around_m / fine_m) + 1
         row = math.floor((enu_m[1] - self.tiles.south_m) / fine_m)
         col = math.floor((enu_m[0] - self.tiles.west_m) / fine_m)
@@ -402,7 +403,7 @@ class EvidenceTerrain(UnboundedTerrain):
         It is computed again only where the cells that it depends on have changed.
         """
         box, cell_m, p = cells_within(self.grid, enu_m, error_m), self.grid.cell_m, self._parameters
-        there, k = self._everywhere(box), footing_edge(self.radius, cell_m, p)
+        there, k = self._everywhere(box), self._footing_edge
         cells = self._cells(Box(there.row0 - k, there.row1 + k, there.col0 - k, there.col1 + k))
         before, digest = self._footings.pop(there, None), blake2b(cells.tobytes(), digest_size=16).digest()
         if before is None or before[0] != digest:
@@ -420,8 +421,8 @@ class EvidenceTerrain(UnboundedTerrain):
         far_m: float,
         sectors: int,
         towards: tuple[float, float],
-    ) -> NDArray[np.float64]:
-        """Return (sectors,) elevation angles (rad) of the horizon in a direction, of the cells of a box."""
+    ) -> float:
+        """Return the elevation angle (rad) of the horizon in a direction, of the cells of a box."""
         grid, there = self.grid, self._everywhere(box)
         row = (enu_m[1] - grid.south_m) / grid.cell_m - 0.5 - box.row0
         col = (enu_m[0] - grid.west_m) / grid.cell_m - 0.5 - box.col0
@@ -468,23 +469,8 @@ class EvidenceTerrain(UnboundedTerrain):
 
         The relief is also NaN where the slope alone makes the cell unsafe; the certainty is 0 where unknown.
         """
-        return self._with_datum(name, self._maps.read(self._everywhere(box), NAMED[name].at))
+        values = self._maps.read(self._everywhere(box), NAMED[name].at)
 
-    def layer_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
-        """Return one of `LAYERS` at (n, 2) cells, see `layer`."""
-        return self._with_datum(name, self.kept_at(name, cells))
-
-    @property
-    def kept_datum_m(self) -> float:
-        """Height of the zero of what `kept_at` gives."""
-        return self.tiles.datum_m
-
-    def kept_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
-        """Return one of `LAYERS` at (n, 2) cells, heights over `kept_datum_m`: valid while that drifts."""
-        there = np.ascontiguousarray(cells, np.int32)
-        return self._maps.at(there, *self._corner, NAMED[name].at)
-
-    def _with_datum(self, name: str, values: NDArray[np.float32]) -> NDArray[np.float32]:
         if NAMED[name].is_height:
             values += np.float32(self.tiles.datum_m)
         return values

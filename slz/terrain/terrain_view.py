@@ -47,20 +47,6 @@ class TerrainView(Protocol):
         """Return mean heights and tops of the cells of a box (m), NaN where unknown."""
 
 
-class CellView(TerrainView, Protocol):
-    """Terrain maps that can be read cell by cell."""
-
-    @property
-    def kept_datum_m(self) -> float:
-        """Height of the zero of what `kept_at` returns."""
-
-    def layer_at(self, name: str, cells: NDArray[np.integer]) -> Floats:
-        """Return one of `LAYERS` at (n, 2) cells."""
-
-    def kept_at(self, name: str, cells: NDArray[np.integer]) -> Floats:
-        """Return one of `LAYERS` at (n, 2) cells, heights over `kept_datum_m`."""
-
-
 class DisplayedTerrain(TerrainView, Protocol):
     """Terrain maps that displays follow tile by tile."""
 
@@ -96,15 +82,6 @@ def cells_within(grid: Grid, enu_m: NDArray[np.float64], error_m: float) -> Box:
 
 class UnboundedTerrain:
     """What terrain maps share that extend beyond their grid, and know unknown cells."""
-
-    @property
-    def kept_datum_m(self) -> float:
-        """Zero: `kept_at` returns heights of the map frame."""
-        return 0.0
-
-    def kept_at(self: CellView, name: str, cells: NDArray[np.integer]) -> Floats:
-        """Return one of `LAYERS` at (n, 2) cells."""
-        return self.layer_at(name, cells)
 
     def around(self: TerrainView, cell: Box, reach: int) -> Box:
         """Return the box within `reach` cells of a cell."""

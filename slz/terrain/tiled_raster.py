@@ -12,7 +12,6 @@ from slz.grid import Box
 from slz.kernels.cells.cell_record import TILE
 from slz.kernels.cells.tile_boxes import (
     copy_bits,
-    copy_cells,
     copy_layer,
     put_bits,
     put_layers,
@@ -148,12 +147,6 @@ class TiledLayers:
         """Return a copy (rows, cols) of the states of a box."""
         out = np.full(box.shape, UNKNOWN)
         copy_layer(self._pools.states, self._store.table(box), 0, box.row0, box.col0, out)
-        return out
-
-    def at(self, cells: NDArray[np.int32], down: int, right: int, layer: int = 0) -> NDArray[np.float32]:
-        """Return one layer at (n, 2) rows and columns, shifted down and right."""
-        out = np.full(len(cells), self._empty[layer])
-        copy_cells(self._pools.layers, self._store.directory, layer, cells, down, right, out)
         return out
 
     def bits(self, box: Box, state: np.uint8) -> Bits:

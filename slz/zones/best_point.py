@@ -3,110 +3,41 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
 from slz.grid import Box
-from slz.kernels.raster.bitmap import Bits, packed, unpacked
-from slz.kernels.raster.distance_transform import distances2, greatest_clearance, largest_square, most_certain
-from slz.kernels.raster.square_erosion import erode_to_side
+from slz.kernels.raster.distance_transform import most_certain
+from slz.kernels.raster.zone_views import sure_clearance
 from slz.landing_point.helicopter_areas import helicopter_areas
 from slz.landing_point.surroundings import ground_m, horizon_towards
 from slz.terrain.footing import ALL_HEADINGS, ANY_FOOTING, Footing, judges_headings
-from slz.terrain.terrain_view import CellView
+from slz.terrain.terrain_view import TerrainView
 from slz.zone import LandingPoint
-from slz.zones.detection import Candidate
+from slz.zones.detection import Candidate, side_in_cells
+from slz.zones.tile_view import TileView
 
 OTHERS = 6  # cells tried where the first excludes a heading
 # Certainty of ground whose slope and relief are far from their limits, and of less and less sure ground.
-LEAST_CERTAINTIES = 0.99, 0.98, 0.96, 0.92, 0.84
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class GreatestClearance:
-    """Cells of a zone with the greatest clearance, with their slope and certainty.
-
-    cells: (n, 2) rows and columns of the grid. distance2: squared distance to the nearest cell outside the
-    zone, in cells. slope_deg: 90 where unknown.
-    """
-
-    cells: NDArray[np.int64]
-    distance2: NDArray[np.int64]
-    slope_deg: NDArray[np.float32]
-    certainty: NDArray[np.float32]
-
-
-def greatest_clearance_of(candidate: Candidate, terrain: CellView, least_side: int) -> GreatestClearance:
-    """Return the cells whose clearance is within half a cell of the greatest.
-
-    Ground that is safe with little to spare may be refused when it is seen from nearer. So the point is amid
-    undoubted ground, as wide as the square of `least_side` cells that a zone must hold; where the zone has
-    none, amid the surest that it has. Where none of the cells of greatest clearance is, those farthest from
-    any less sure ground are taken.
-    """
-    wide, found = candidate.words_box, greatest_clearance(candidate.own_bits, candidate.square_side)
-    cells, distance2 = found[:, :2] + np.array([wide.row0, wide.col0]), found[:, 2]
-    amid = _amid_sure(candidate, terrain, cells, least_side)
-    if amid.any():
-        cells, distance2 = cells[amid], distance2[amid]
-    else:
-        box = candidate.box
-        certainties = terrain.layer("certainty", box)
-        for least in LEAST_CERTAINTIES:
-            sure, corners = _sure(candidate, certainties, box, least, least_side)
-            if corners.any():
-                found = greatest_clearance(sure, largest_square(corners, least_side))
-                cells = found[:, :2] + np.array([box.row0, box.col0])
-                distance2 = distances2(
-                    candidate.own_bits, cells - (wide.row0, wide.col0), candidate.square_side
-                )
-                break
-    return GreatestClearance(
-        cells=cells,
-        distance2=distance2,
-        slope_deg=np.nan_to_num(terrain.layer_at("slope_deg", cells), nan=90.0),
-        certainty=terrain.layer_at("certainty", cells),
-    )
-
-
-def _amid_sure(
-    candidate: Candidate, terrain: CellView, cells: NDArray[np.int64], least_side: int
-) -> NDArray[np.bool_]:
-    """Return which of the cells of greatest clearance are amid a square of undoubted ground."""
-    if not len(cells):  # its square is larger than what is left of it
-        return np.zeros(0, bool)
-    first, box = cells - (least_side - 1) // 2, candidate.box
-    (row0, col0), (row1, col1) = first.min(axis=0).tolist(), (first.max(axis=0) + least_side).tolist()
-    around = Box(row0, min(row1, box.row1), col0, min(col1, box.col1))
-    _, corners = _sure(
-        candidate, terrain.layer("certainty", around), around, LEAST_CERTAINTIES[0], least_side
-    )
-    rows, cols = (first - (row0, col0)).T
-    return np.asarray(unpacked(corners, 0, around.shape[1])[rows, cols] == 1)
-
-
-def _sure(
-    candidate: Candidate, certainties: NDArray[np.float32], box: Box, least: float, least_side: int
-) -> tuple[Bits, Bits]:
-    """Return the zone's cells of a certainty in a box, and the south-west corners of their squares."""
-    own = candidate.component[box.relative_to(candidate.box).slices]
-    sure = packed((certainties >= np.float32(least)) & (own == 1))
-    corners = sure.copy()
-    erode_to_side(corners, 1, least_side)
-    return sure, corners
+LEAST_CERTAINTIES = np.array([0.99, 0.98, 0.96, 0.92, 0.84], np.float32)
 
 
 def best_point(
-    among: GreatestClearance,
-    square_side: int,
-    terrain: CellView,
+    candidate: Candidate,
+    farthest: NDArray[np.int64],
+    terrain: TerrainView,
+    view: TileView | None,
     sensor_enu_m: NDArray[np.float64],
     parameters: Parameters,
 ) -> LandingPoint:
     """Return the point of a zone with the greatest clearance.
+
+    Ground that is safe with little to spare may be refused when it is seen from nearer. So the point is amid
+    undoubted ground, as wide as the square that a zone must hold; where the zone has none, amid the surest
+    that it has. Where none of the cells of greatest clearance is, those farthest from any less sure ground
+    are taken.
 
     Among points whose clearance differs by less than half a cell, the most certain wins, then the least
     steep, then the nearest to the vehicle. Where some headings are excluded there, because something is near,
@@ -115,46 +46,61 @@ def best_point(
 
     Parameters
     ----------
-    square_side
-        Side of the zone's largest square, in cells.
+    farthest
+        `greatest_clearance` of the zone's own cells.
+    view
+        Of a map in tiles.
     """
-    grid, (east_m, north_m) = terrain.grid, sensor_enu_m[:2].tolist()
-    place = grid.west_m, grid.south_m, grid.cell_m
-    first = most_certain(among.cells, among.certainty, among.slope_deg, *place, east_m, north_m)
-    best, footing = first, _footing_of(among, first, terrain, parameters)
-    for other in () if footing.headings_deg == ALL_HEADINGS else _others(among, first):
-        found = _footing_of(among, other, terrain, parameters)
+    p, grid, wide, (east_m, north_m) = (
+        parameters,
+        terrain.grid,
+        candidate.words_box,
+        sensor_enu_m[:2].tolist(),
+    )
+    place, error_m = (grid.west_m, grid.south_m, grid.cell_m), parameters.touchdown_error_m
+    maps = view or TileView.copied(
+        terrain.layer, wide, math.ceil(error_m / grid.cell_m), "slope_deg", "certainty", "height_m"
+    )
+    cells, distance2, (slope_deg, certainty, least_certainty, height_m) = sure_clearance(
+        *maps[:5], wide.row0, wide.col0, candidate.own_bits, farthest, candidate.square_side,
+        side_in_cells(p.min_square_m, grid), LEAST_CERTAINTIES, place, error_m,
+    )  # fmt: skip
+
+    def footing_of(index: int) -> Footing:
+        if not judges_headings(p):  # as on the far map
+            return ANY_FOOTING
+        return terrain.footing_at(np.array([*grid.centre(*cells[index].tolist()), 0.0]), error_m)
+
+    first = best = most_certain(cells, certainty, slope_deg, *place, east_m, north_m)
+    footing = footing_of(first)
+    for other in () if footing.headings_deg == ALL_HEADINGS else _others(certainty, first):
+        found = footing_of(other)
         if len(found.headings_deg) > len(footing.headings_deg):
             best, footing = other, found
         if footing.headings_deg == ALL_HEADINGS:
             break
-    row, col = among.cells[best].tolist()
-    centre = grid.centre(row, col)
-    enu_m = np.array([*centre, ground_m(terrain, Box(row, row + 1, col, col + 1))])
+    row, col = cells[best].tolist()
+    centre, up_m = grid.centre(row, col), float(height_m[best] + np.float32(maps.datum_m))
+    enu_m = np.array(
+        [*centre, ground_m(terrain, Box(row, row + 1, col, col + 1)) if math.isnan(up_m) else up_m]
+    )
     return LandingPoint(
         enu_m=enu_m,
-        clearance_m=(math.sqrt(among.distance2[best]) - 0.5) * grid.cell_m,
-        square_side_m=square_side * grid.cell_m,
-        slope_deg=float(among.slope_deg[best]),
-        certainty=terrain.certainty_at(enu_m, parameters.touchdown_error_m),
-        horizon_deg=horizon_towards(enu_m, sensor_enu_m, terrain, parameters),
+        clearance_m=(math.sqrt(distance2[best]) - 0.5) * grid.cell_m,
+        square_side_m=candidate.square_side * grid.cell_m,
+        slope_deg=float(slope_deg[best]),
+        certainty=float(least_certainty[best]),
+        horizon_deg=horizon_towards(enu_m, sensor_enu_m, terrain, p),
         distance_m=math.hypot(centre[0] - east_m, centre[1] - north_m),
-        surface=terrain.surface_at(enu_m, parameters.footprint_m / 2),
+        surface=terrain.surface_at(enu_m, p.footprint_m / 2),
         headings_deg=footing.headings_deg if footing.is_judged else None,
         blocked_by=footing.blocked_by,
-        areas=helicopter_areas(enu_m, terrain, parameters),
+        areas=helicopter_areas(enu_m, terrain, p),
     )
 
 
-def _footing_of(among: GreatestClearance, index: int, terrain: CellView, parameters: Parameters) -> Footing:
-    if not judges_headings(parameters):  # as on the far map
-        return ANY_FOOTING
-    centre = terrain.grid.centre(*among.cells[index].tolist())
-    return terrain.footing_at(np.array([*centre, 0.0]), parameters.touchdown_error_m)
-
-
-def _others(among: GreatestClearance, first: int) -> list[int]:
+def _others(certainty: NDArray[np.float32], first: int) -> list[int]:
     """Return the indices of other cells, spread evenly over all, the most certain first."""
-    spread = np.unique(np.linspace(0, len(among.cells) - 1, OTHERS).astype(np.intp))
-    order = spread[np.argsort(-among.certainty[spread], kind="stable")]
+    spread = np.unique(np.linspace(0, len(certainty) - 1, OTHERS).astype(np.intp))
+    order = spread[np.argsort(-certainty[spread], kind="stable")]
     return [index for index in order.tolist() if index != first]

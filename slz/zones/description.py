@@ -9,29 +9,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.grid import Box
+from slz.grid import Box, Grid
 from slz.kernels.raster.bitmap import Bits
-from slz.kernels.raster.connected_components import cells_around, medians
-from slz.kernels.raster.zonal_sums import count
-from slz.landing_point.obstacles import Groups, grouped
+from slz.kernels.raster.distance_transform import greatest_clearance
+from slz.kernels.raster.zonal_sums import common
+from slz.kernels.raster.zone_views import heights_at, zone_obstacles
+from slz.landing_point.obstacles import Groups
 from slz.lazy_fields import Deferred
-from slz.terrain.terrain_view import CellView
+from slz.terrain.terrain_view import TerrainView
 from slz.zone import Zone
-from slz.zones.best_point import GreatestClearance, best_point, greatest_clearance_of
+from slz.zones.best_point import best_point
 from slz.zones.boundary_points import without_collinear
 from slz.zones.detection import Candidate
-from slz.zones.zonal_statistics import ZonalStatistics, zonal_statistics_of
+from slz.zones.tile_view import TileView
+from slz.zones.zonal_statistics import NO_TILES, ZonalStatistics, zonal_statistics_of
 
 MOST_OBSTACLES = 200
 AROUND = 3  # cells around an obstacle whose ground its height refers to
-BATCH_CELLS = 1 << 16  # cells of such ground read at a time
+NO_GROUPS, NO_CELLS = (np.empty((0, 6), np.int64), np.empty(0)), np.empty((0, 3), np.int64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Content:
     """Map contents of a zone, independent of the vehicle, valid while the maps are unchanged.
 
-    All heights are over the terrain's datum, which may drift.
+    All heights are over the terrain's datum, which may drift. grounds: of the obstacles' groups, as in
+    `zone_obstacles`. farthest: `greatest_clearance` of the zone's cells.
     """
 
     candidate: Candidate
@@ -39,46 +42,83 @@ class Content:
     corners: NDArray[np.int32]
     corners_m: NDArray[np.float32]
     obstacles: Groups
-    clearance: GreatestClearance
+    grounds: tuple[NDArray[np.int64], NDArray[np.float64]]
+    farthest: NDArray[np.int64]
 
     @classmethod
     def of(
-        cls, candidate: Candidate, terrain: CellView, least_side: int, before: Content | None = None
+        cls,
+        candidate: Candidate,
+        terrain: TerrainView,
+        before: Content | None = None,
+        view: TileView | None = None,
     ) -> Content:
         """Look a candidate up in the maps, or those of its tiles that changed since before.
 
-        The earlier content must be of the same terrain and grid. least_side: cells of a zone's square.
+        The earlier content must be of the same terrain and grid. view: of a map in tiles.
         """
-        if before is None:
-            statistics = zonal_statistics_of(candidate, terrain)
-        else:
-            statistics = zonal_statistics_of(candidate, terrain, before.candidate, before.statistics)
-            if statistics.unchanged and candidate.same_as(before.candidate):
+        wide, own, grid = candidate.words_box, candidate.own_bits, terrain.grid
+        known = None if before is None else (before.candidate, before.statistics)
+        statistics = zonal_statistics_of(candidate, terrain, view, known)
+        if before is not None and candidate.same_as(before.candidate):
+            if statistics.unchanged:
                 return before
+            farthest = before.farthest
+        else:
+            hints = NO_CELLS
+            if before is not None:
+                old = before.candidate.words_box
+                hints = before.farthest[:1] + np.array([old.row0 - wide.row0, old.col0 - wide.col0, 0])
+            farthest = greatest_clearance(own, candidate.square_side, hints)
+        heights = view or TileView.copied(terrain.layer, wide, 0, "height_m", "top_m")
+        obstacles, grounds = obstacles_of(
+            heights, wide, own, statistics.holes, grid, statistics.same,
+            *(NO_GROUPS if before is None else before.grounds),
+        )  # fmt: skip
         corners = without_collinear(candidate.boundary_cells)
         return cls(
             candidate=candidate,
             statistics=statistics,
             corners=corners,
-            corners_m=terrain.kept_at("height_m", corners),
-            obstacles=_obstacles(statistics.holes, candidate.own_bits, candidate.words_box, terrain),
-            clearance=greatest_clearance_of(candidate, terrain, least_side),
+            corners_m=heights_at(*heights[:5], corners),
+            obstacles=obstacles,
+            grounds=grounds,
+            farthest=farthest,
         )
+
+
+def obstacles_of(
+    view: TileView,
+    wide: Box,
+    own: Bits,
+    holes: Bits,
+    grid: Grid,
+    same: NDArray[np.bool_] = NO_TILES[1],
+    old: NDArray[np.int64] = NO_GROUPS[0],
+    old_grounds_m: NDArray[np.float64] = NO_GROUPS[1],
+) -> tuple[Groups, tuple[NDArray[np.int64], NDArray[np.float64]]]:
+    """Return a zone's obstacles, and their groups and grounds, see `zone_obstacles`."""
+    groups, cells, highest, top_m, grounds_m = zone_obstacles(
+        *view[:5], wide.row0, wide.col0, own, holes, MOST_OBSTACLES, AROUND, same, old, old_grounds_m
+    )
+    over_m = top_m.astype(np.float64) - grounds_m
+    return Groups(grid, cells, groups[:, 4:], highest, top_m, over_m), (groups, grounds_m)
 
 
 def describe(
     content: Content,
-    terrain: CellView,
+    terrain: TerrainView,
     sensor_enu_m: NDArray[np.float64],
     parameters: Parameters,
     zone_id: int,
+    view: TileView | None = None,
 ) -> Zone:
-    """Return the description of a zone.
+    """Return the description of a zone; `view` is that of a map in tiles.
 
     The zone is its safe cells; counts, certainty and obstacles are of the cells inside the contour.
     """
-    grid, candidate, datum_m = terrain.grid, content.candidate, terrain.kept_datum_m
-    n_own, n_all = count(candidate.own_bits), count(candidate.content_bits)
+    grid, candidate, datum_m = terrain.grid, content.candidate, 0.0 if view is None else view.datum_m
+    n_own, n_all = (common(bits, bits, 0, 0) for bits in (candidate.own_bits, candidate.content_bits))
     n_safe, n_unsafe, sure, slopes, n_slopes, roughs, n_roughs = content.statistics.totals.tolist()
 
     def corners() -> NDArray[np.float64]:
@@ -102,27 +142,5 @@ def describe(
         boundary_cells=candidate.boundary_cells,
         corners_enu_m=Deferred(corners),
         obstacles=Deferred(lambda: content.obstacles.over(datum_m)),
-        best=best_point(content.clearance, candidate.square_side, terrain, sensor_enu_m, parameters),
+        best=best_point(candidate, content.farthest, terrain, view, sensor_enu_m, parameters),
     )
-
-
-def _obstacles(holes: Bits, own: Bits, box: Box, terrain: CellView) -> Groups:
-    """Group the measured unsafe cells inside a contour; heights are over the zone around them."""
-
-    def tops(cells: NDArray[np.int32]) -> NDArray[np.float32]:
-        highest = terrain.kept_at("top_m", cells)
-        unknown = np.flatnonzero(np.isnan(highest))
-        if len(unknown):
-            highest[unknown] = terrain.kept_at("height_m", cells[unknown])
-        return highest
-
-    def grounds(groups: NDArray[np.int64], _: NDArray[np.int32]) -> NDArray[np.float64]:
-        found = [np.empty(0)]
-        while (done := sum(map(len, found))) < len(groups):
-            cells, ends = cells_around(own, groups, done, AROUND, BATCH_CELLS)
-            cells[:, 0] += box.row0
-            cells[:, 1] += box.col0
-            found.append(medians(terrain.kept_at("height_m", cells), ends))
-        return np.concatenate(found)
-
-    return grouped(holes, tops, grounds, terrain.grid, box, MOST_OBSTACLES)

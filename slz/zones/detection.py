@@ -45,12 +45,8 @@ class Candidate:
 
     def same_as(self, other: Candidate) -> bool:
         """Return whether another candidate of the same grid holds the same cells."""
-        pairs = (
-            (self.own_bits, other.own_bits),
-            (self.content_bits, other.content_bits),
-            (self.boundary_cells, other.boundary_cells),
-        )
-        return self.box == other.box and all(np.array_equal(mine, its) for mine, its in pairs)
+        mine, its = ((c.box, c.own_bits.tobytes(), c.content_bits.tobytes()) for c in (self, other))
+        return mine == its and self.boundary_cells.tobytes() == other.boundary_cells.tobytes()
 
     @property
     def content(self) -> NDArray[np.uint8]:

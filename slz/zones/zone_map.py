@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.grid import Edges, Grid
+from slz.grid import Box, Edges, Grid
 from slz.landing_point.corridors import Corridors
 from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.tiles import Tiles
@@ -17,6 +17,7 @@ from slz.zone import Zone
 from slz.zones.description import Content, describe
 from slz.zones.detection import Candidate, search_bits, side_in_cells
 from slz.zones.ranking import rank
+from slz.zones.tile_view import TileView
 from slz.zones.tracking import ZoneTracker
 
 Points = NDArray[np.float64]
@@ -134,11 +135,13 @@ class ZoneMap:
     def identify(self, sensor_enu_m: Points) -> None:
         """Assign IDs to the zones found, describe and rank them."""
         p, terrain, before, contents = self._parameters, self.terrain, self._contents, {}
-        side = side_in_cells(p.min_square_m, terrain.grid)
+        seen, beside = terrain.seen, math.ceil(p.touchdown_error_m / terrain.grid.cell_m)
+        around = Box(seen.row0 - beside, seen.row1 + beside, seen.col0 - beside, seen.col1 + beside)
+        view = TileView.of(terrain, around)
 
         def described(candidate: Candidate, zone_id: int) -> Zone:
-            content = contents[zone_id] = Content.of(candidate, terrain, side, before.get(zone_id))
-            return describe(content, terrain, sensor_enu_m, p, zone_id)
+            content = contents[zone_id] = Content.of(candidate, terrain, before.get(zone_id), view)
+            return describe(content, terrain, sensor_enu_m, p, zone_id, view)
 
         self.zones = rank(self._tracker.update(self.candidates, described), p)
         self._contents = contents

@@ -16,9 +16,10 @@ from slz.kernels.footprint.certainty import certainty
 from slz.kernels.instruments.phase_unwrapping import unwrap_by_quality
 from slz.kernels.paper.zone_search import search_zones
 from slz.kernels.raster.bitmap import packed
-from slz.kernels.raster.connected_components import largest_groups, median_height, obstacles
+from slz.kernels.raster.connected_components import largest_groups
 from slz.kernels.raster.distance_transform import greatest_clearance, square_and_clearance
 from slz.kernels.raster.region_fill import component
+from slz.kernels.raster.zone_views import zone_obstacles
 from slz.paper.window_cells import WindowCells
 from slz.points.outliers import gap_interval, in_cluster, not_isolated
 from slz.radar.accuracy import coherence, height_error_m, phase_error_rad, whole_height_error_m
@@ -26,6 +27,7 @@ from slz.radar.interferometer import Interferometer
 from slz.zones.boundary_points import without_collinear
 from slz.zones.detection import search_components
 from slz.zones.polygonise import polygonise
+from slz.zones.tile_view import TileView
 from tests.unit.slz.flash.waveforms import frame_of, noisy_camera
 
 U8 = NDArray[np.uint8]
@@ -64,14 +66,16 @@ def zones() -> Iterator[Any]:
         for row, col in np.argwhere(square)[:: max(1, int(square.sum()) // 2)].tolist():
             own = component(bits, row, col)
             side, _, cells = square_and_clearance(own, rest & own, 3)
-            yield side, cells, greatest_clearance(own, side)
+            yield side, cells, greatest_clearance(own, side, cells[:1])
         holes = packed(np.pad(blob(rng, 24, 150, 0.7, 0.2), ((0, 0), (0, 42))))
         height = rng.normal(0, 1, (24, 64 * bits.shape[1])).astype(np.float32)
-        yield obstacles(holes & ~own, own, height, 100.0, 50.0, 0.5, 12, 3)
+        tall = np.pad(height, ((0, 40), (0, 0)), constant_values=np.nan)
+        view = TileView.copied(lambda *_, z=tall: z, Box(0, 24, 0, tall.shape[1]), 0, "height_m", "top_m")
+        none = np.empty((0, 0), bool), np.empty((0, 6), np.int64), np.empty(0)
+        groups, cells, highest, top, ground = zone_obstacles(*view[:5], 0, 0, own, holes & ~own, 12, 3, *none)
+        centres = Grid(100.0, 50.0, 0.5, 24, 150).centres(cells)
+        yield np.column_stack([centres[highest], top, top - ground]), groups[:, 4:].copy(), centres
         yield largest_groups(holes, 5)
-        wide = np.pad(height, 9, constant_values=np.nan)
-        places = (-2, 60), (8, 30), (20, 120)
-        yield [median_height(own, wide[r + 9 : r + 14, c + 9 : c + 18], r, c) for r, c in places]
 
 
 def clouds() -> Iterator[Any]:

@@ -7,9 +7,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, ReadOnly2D
+from slz.kernels.argument_types import Array2D, Array3D, Array4D, ReadOnly2D
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
-from slz.kernels.cells.tile_directory import Directory, slot_at
 from slz.kernels.footprint.patch import COLS
 from slz.kernels.jit import kernel, kernel_at_call, kernel_for_any_types, kernel_part
 from slz.kernels.raster.bitmap import ALL, NONE, ONE, Bits, word_at, word_mask
@@ -107,24 +106,6 @@ def set_bits(pool: Array4D[np.uint8], table: Table, row0: int, value: np.uint8, 
                 for k in range(np.uint64(TILE)):
                     word |= np.uint64(flat[at + k] == value) << k
                 out[r - row0, tc] = word
-
-
-@kernel
-def copy_cells(
-    pool: Array4D[np.float32],
-    directory: Directory,
-    layer: int,
-    cells: Array2D[np.int32],
-    down: int,
-    right: int,
-    out: Array1D[np.float32],
-) -> None:
-    """Copy one layer of (n, 2) cells, shifted down and right, where their tiles are held."""
-    for i in range(len(cells)):
-        r, c = cells[i, 0] + down, cells[i, 1] + right
-        slot = slot_at(directory, r, c)
-        if slot >= 0:
-            out[i] = pool[slot, layer, r & (TILE - 1), c & (TILE - 1)]
 
 
 @kernel_part

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.kernels.argument_types import Array1D, Array2D, Strided2D
+from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.growable_array import doubled
-from slz.kernels.jit import kernel, kernel_of_source_mode, kernel_part
-from slz.kernels.ranks import median
-from slz.kernels.raster.bitmap import NONE, ONE, Bits, bit, lowest, signed, word_mask
+from slz.kernels.jit import kernel, kernel_part
+from slz.kernels.raster.bitmap import NONE, Bits, lowest, word_mask
 
 
 @kernel_part
@@ -211,102 +210,3 @@ def highest_cells(tops: Array1D[np.float32], groups: Array2D[np.int64]) -> Array
             if tops[i] > top:
                 out[g], top = i, tops[i]
     return out
-
-
-@kernel
-def cells_around(
-    part: Bits, groups: Array2D[np.int64], start: int, around: int, enough: int
-) -> tuple[Array2D[np.int32], Array1D[np.int64]]:
-    """Return the cells of a part in the boxes of groups, with a margin, from one group until `enough` cells.
-
-    Returns
-    -------
-    (m, 2) rows and columns, group by group; (n + 1,) the start of each group's cells, and the end.
-    """
-    cells, ends, n = np.empty((1024, 2), np.int32), np.zeros(len(groups) - start + 1, np.int64), 0
-    for g in range(start, len(groups)):
-        row0, row1 = max(0, groups[g, 0] - around), min(part.shape[0], groups[g, 1] + around)
-        col0, col1 = max(0, groups[g, 2] - around), min(64 * part.shape[1], groups[g, 3] + around)
-        for r in range(row0, row1):
-            for w in range(col0 >> 6, ((col1 - 1) >> 6) + 1):
-                word = part[r, w] & word_mask(col0 - 64 * w, col1 - 64 * w)
-                while word != NONE:
-                    if n == len(cells):
-                        cells = doubled(cells)
-                    cells[n, 0], cells[n, 1] = r, 64 * w + signed(lowest(word))
-                    n += 1
-                    word &= word - ONE
-        ends[g - start + 1] = n
-        if n >= enough:
-            return cells[:n].copy(), ends[: g - start + 2].copy()
-    return cells[:n].copy(), ends
-
-
-@kernel
-def medians(height: Array1D[np.float32], ends: Array1D[np.int64]) -> Array1D[np.float64]:
-    """Return the median of the known heights between successive ends, NaN for none."""
-    out, found = np.full(len(ends) - 1, np.nan), np.empty(len(height), np.float32)
-    for g in range(len(out)):
-        n = 0
-        for i in range(ends[g], ends[g + 1]):
-            found[n] = height[i]
-            n += np.isfinite(height[i])
-        if n:
-            out[g] = np.float32(median(found[:n]))
-    return out
-
-
-@kernel_part
-def median_height(part: Bits, height: Strided2D[np.float32], row0: int, col0: int) -> float:
-    """Return the median of the known heights of a part, NaN for none.
-
-    The heights start at cell (row0, col0) and may reach beyond the part.
-    """
-    rows, cols = height.shape
-    found, n = np.empty(height.size, np.float32), 0
-    for r in range(max(0, row0), min(part.shape[0], row0 + rows)):
-        for c in range(max(0, col0), min(64 * part.shape[1], col0 + cols)):
-            z = height[r - row0, c - col0]
-            if bit(part, r, c) and np.isfinite(z):
-                found[n] = z
-                n += 1
-    return np.float64(np.float32(median(found[:n]))) if n else np.nan
-
-
-@kernel_of_source_mode
-def obstacles(
-    cells: Bits,
-    part: Bits,
-    height: Array2D[np.float32],
-    west: float,
-    south: float,
-    cell: float,
-    most: int,
-    around: int,
-) -> tuple[Array2D[np.float64], Array2D[np.int64], Array2D[np.float64]]:
-    """Return the `most` largest groups of cells, with their highest cells and their heights over the ground.
-
-    Returns
-    -------
-    (n, 4) east, north, height of the highest cell, and height over the ground around; (n, 2) start and stop
-    in the last array: (m, 2) east and north of the centres of the cells, group by group.
-    """
-    groups, listed = largest_groups(cells, most)
-    n, centres = len(groups), np.empty((len(listed), 2))
-    for i in range(len(listed)):
-        centres[i, 0] = west + (listed[i, 1] + 0.5) * cell
-        centres[i, 1] = south + (listed[i, 0] + 0.5) * cell
-    out, ends = np.empty((n, 4)), np.empty((n, 2), np.int64)
-    for g in range(n):
-        first, stop = groups[g, 4], groups[g, 5]
-        top, best = -np.inf, first
-        for i in range(first, stop):
-            z = height[listed[i, 0], listed[i, 1]]
-            if z > top:
-                top, best = np.float64(z), i
-        row0, col0 = max(0, groups[g, 0] - around), max(0, groups[g, 2] - around)
-        near = height[row0 : groups[g, 1] + around, col0 : groups[g, 3] + around]
-        ground = median_height(part, near, row0, col0)
-        out[g, 0], out[g, 1], out[g, 2], out[g, 3] = centres[best, 0], centres[best, 1], top, top - ground
-        ends[g, 0], ends[g, 1] = first, stop
-    return out, ends, centres

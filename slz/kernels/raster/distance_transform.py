@@ -8,93 +8,30 @@ from slz.kernels.argument_types import Array1D, Array2D, Array3D, Strided2D
 from slz.kernels.growable_array import doubled
 from slz.kernels.jit import kernel, kernel_of_source_mode, kernel_part
 from slz.kernels.raster.bitmap import ALL, LAST, NONE, ONE, Bits, leading, lowest, signed, word_at
+from slz.kernels.raster.square_erosion import erode_columns, erode_rows, erode_to_side
 
-Word = Array1D[np.uint64]
-Span = tuple[int, int, int, int]  # row0, row1, word0, word1 (half open); nothing is set outside
 NEAR = 32  # columns to either side that one word around a cell covers
 WITNESSES = 16  # recent nearest outside cells, kept for distance bounds
 MIDDLE, NEAR_BITS = np.uint64(NEAR - 1), np.uint64(NEAR)
 
 
 @kernel_part
-def _erode_row(row: Word, out: Word, by: int) -> None:
-    """Write the cells of a row whose neighbour `by` columns to the east is also set."""
-    far, near = by >> 6, np.uint64(by & 63)
-    rest, inner = np.uint64(63) - near, max(0, len(row) - far - 1)
-    low, high = row[far:], row[far + 1 :]
-    for w in range(np.uint64(inner)):
-        out[w] = row[w] & ((low[w] >> near) | ((high[w] << rest) << ONE))
-    for w in range(inner, len(row)):
-        out[w] = row[w] & (row[w + far] >> near) if w + far < len(row) else NONE
-
-
-@kernel_part
-def _intersect(row: Word, other: Word) -> np.uint64:
-    """Intersect a row with another one, in place; return 0 if nothing is left."""
-    some = NONE
-    for w in range(np.uint64(len(row))):
-        row[w] &= other[w]
-        some |= row[w]
-    return some
-
-
-@kernel_part
-def _corners_of_larger(corners: Bits, span: Span, by: int, out: Bits) -> Span:
-    """Reduce south-west corners of squares to those of squares larger by `by`, at most their side.
-
-    Nothing is read or written outside the span. Return the span of the result, empty where nothing is left.
-    """
-    row0, row1, word0, word1 = span
-    for r in range(row0, row1):
-        _erode_row(corners[r, word0:word1], out[r, word0:word1], by)
-    first, last, left, right = row1, row0, word1, word0
-    for r in range(row0, row1 - by):
-        if _intersect(out[r, word0:word1], out[r + by, word0:word1]) == NONE:
-            continue
-        first, last = min(first, r), r + 1
-        a, b = word0, word1
-        while a < left and out[r, a] == NONE:
-            a += 1
-        while b > right and out[r, b - 1] == NONE:
-            b -= 1
-        left, right = min(left, a), max(right, b)
-    return first, last, left, right
-
-
-@kernel_part
-def _largest(corners: Bits, side: int) -> tuple[int, tuple[int, int], int, Bits, Span, Bits, Span]:
-    """Return the side and first corner of the largest square; the greatest `side` times 2^k with a square.
-
-    Then the corners of the squares of that side with their span, and the same of half of it. Cells outside a
-    span are undefined.
-    """
-    span = (0, corners.shape[0], 0, corners.shape[1])
-    before, before_span = corners, span
-    double = side
-    larger = np.empty_like(corners)
-    while True:
-        found = _corners_of_larger(corners, span, double, larger)
-        if found[0] >= found[1]:
-            break
-        before, before_span = corners, span
-        corners, span, double = larger, found, 2 * double
-        larger = np.empty_like(corners)
-    side, step = double, double >> 1
-    best, best_span, other = corners, span, larger
+def _largest(corners: Bits, side: int) -> tuple[int, tuple[int, int]]:
+    """Return the side and the first south-west corner of the largest square, see `largest_square`."""
+    best, step, grows = corners, side, True
     while step > 0:
-        found = _corners_of_larger(best, best_span, step, other)
-        if found[0] >= found[1]:
-            step >>= 1
-            continue
-        side += step
-        best, best_span, other = other, found, np.empty_like(corners)
-    row, w = best_span[0], best_span[2]
+        larger = best.copy()
+        erode_columns(larger, step)
+        erode_rows(larger, step)
+        if larger.any():
+            best, side = larger, side + step
+            step = side if grows else step
+        else:
+            grows, step = False, step >> 1
+    row = w = 0
     while best[row, w] == NONE:
-        w += 1
-        if w == best_span[3]:
-            row, w = row + 1, best_span[2]
-    where = row, 64 * w + signed(lowest(best[row, w]))
-    return side, where, double, corners, span, before, before_span
+        row, w = (row, w + 1) if w + 1 < best.shape[1] else (row + 1, 0)
+    return side, (row, 64 * w + signed(lowest(best[row, w])))
 
 
 @kernel
@@ -161,25 +98,19 @@ def _distance2(part: Bits, row: int, col: int, least2: int, most2: int) -> tuple
 
 
 @kernel_part
-def _any_in(cells: Bits, span: Span, row: int, col: int, side: int) -> bool:
-    """Return whether a cell is set in an aligned square whose side is a power of two."""
-    w = col >> 6
-    if w < span[2] or w >= span[3]:
-        return False
-    mask = (ALL >> np.uint64(64 - side)) << np.uint64(col & 63)
+def _any_in(cells: Bits, row: int, w: int, mask: np.uint64, rows: int) -> np.uint64:
+    """Return the cells that are set in some rows of a word."""
     some = NONE
-    for r in range(max(row, span[0]), min(row + side, span[1])):
+    for r in range(row, min(row + rows, len(cells))):
         some |= cells[r, w] & mask
-    return bool(some != NONE)
+    return some
 
 
 @kernel_part
-def _farthest_cells(
-    part: Bits, cells: Bits, span: Span, shift: int, best2: int, most2: int
-) -> Array2D[np.int64]:
-    """Return the cells of greatest clearance among those `shift` rows and columns beyond a span's set cells.
+def _farthest_cells(part: Bits, cells: Bits, shift: int, best2: int, most2: int) -> Array2D[np.int64]:
+    """Return the cells of greatest clearance among those `shift` rows and columns beyond the set cells.
 
-    The result is that of `square_and_clearance`.
+    The result is that of `greatest_clearance`.
 
     Some cell's squared distance is at least `best2`. Distances change by no more than the way between two
     cells. So of a square of cells only those are split whose middle is far enough from the outside for a cell
@@ -190,11 +121,9 @@ def _farthest_cells(
     while block < 64 and 2 * block <= 0.6 * (np.sqrt(best2) - 1.0):
         block *= 2
     blocks = np.empty((256, 3), np.int64)
-    for r in range(span[0] & -block, span[1], block):
-        for w in range(span[2], span[3]):
-            some = NONE
-            for row in range(max(r, span[0]), min(r + block, span[1])):
-                some |= cells[row, w]
+    for r in range(0, len(cells), block):
+        for w in range(cells.shape[1]):
+            some = _any_in(cells, r, w, ALL, block)
             while some != NONE:
                 at = signed(lowest(some)) & -block
                 some &= ~((ALL >> np.uint64(64 - block)) << np.uint64(at))
@@ -232,7 +161,8 @@ def _farthest_cells(
         for i in range(keep):
             for r in range(blocks[i, 0], blocks[i, 0] + 2 * block, block):
                 for c in range(blocks[i, 1], blocks[i, 1] + 2 * block, block):
-                    if _any_in(cells, span, r, c, block):
+                    mask = (ALL >> np.uint64(64 - block)) << np.uint64(c & 63)
+                    if _any_in(cells, r, c >> 6, mask, block) != NONE:
                         halves[n, 0], halves[n, 1] = r, c
                         n += 1
         blocks = halves
@@ -249,67 +179,50 @@ def _farthest_cells(
     return found
 
 
-@kernel_part
-def _half_side(least2: int) -> int:
-    """Return the half side of a square that fits around any cell nearly this far from the outside."""
-    return max(0, int(np.ceil((np.sqrt(least2) - 0.5) / np.sqrt(2.0) - 1)))
-
-
-@kernel_part
-def _clearance_among_corners(
-    part: Bits, cells: Bits, span: Span, of: int, least2: int, side: int
-) -> Array2D[np.int64]:
-    """Return the cells farthest from the outside, at least `least2`, from the corners of smaller squares."""
-    half = _half_side(least2)
-    wanted = 2 * half + 1
-    while of < wanted:
-        step, larger = min(of, wanted - of), np.empty_like(part)
-        span = _corners_of_larger(cells, span, step, larger)
-        cells, of = larger, of + step
-    return _farthest_cells(part, cells, span, half, least2, 2 * (side + 2) * (side + 2))
-
-
-@kernel_of_source_mode
-def square_and_clearance(
-    part: Bits, corners: Bits, least: int
-) -> tuple[int, tuple[int, int], Array2D[np.int64]]:
-    """Return the side of a part's largest square, its corner, and the cells farthest from the outside.
+@kernel
+def greatest_clearance(part: Bits, side: int, hints: Array2D[np.int64]) -> Array2D[np.int64]:
+    """Return the cells farthest from the outside of a part whose largest square has the given side.
 
     The farthest cell is at least as far as the middle of the square. Around any cell nearly as far from the
     outside a square fits that is smaller by the root of two.
 
     Parameters
     ----------
-    corners
-        South-west corners of the squares of side `least` in the part; at least one.
+    hints
+        (n, 2 or more) rows and columns that may be far from the outside, which only saves time.
 
     Returns
     -------
-    The side; row and column of the first such square's south-west corner; (n, 3) row, column and squared
-    distance to the outside, of the cells whose distance is within half a cell of the greatest, in raster
-    order.
+    (n, 3) row, column and squared distance to the outside, of the cells whose distance is within half a cell
+    of the greatest, in raster order.
     """
-    side, where, double, cells, span, before, before_span = _largest(corners, least)
     inner, most2 = (side - 1) // 2, 2 * (side + 2) * (side + 2)
-    least2 = _distance2(part, where[0] + inner, where[1] + inner, 0, most2)[0]
-    wanted = 2 * _half_side(least2) + 1
-    if double > wanted:
-        cells, span, double = before, before_span, double >> 1
-    if double > wanted or double < least:
-        cells, span, double = part, (0, part.shape[0], 0, part.shape[1]), 1
-    return side, where, _clearance_among_corners(part, cells, span, double, least2, side)
+    least2 = (inner + 1) * (inner + 1)
+    for i in range(len(hints)):
+        if not _is_open(part, hints[i, 0], hints[i, 1]):
+            least2 = max(least2, _distance2(part, hints[i, 0], hints[i, 1], least2, most2)[0])
+    half, corners = max(0, int(np.ceil((np.sqrt(least2) - 0.5) / np.sqrt(2.0) - 1))), part.copy()
+    erode_to_side(corners, 1, 2 * half + 1)
+    return _farthest_cells(part, corners, half, least2, most2)
 
 
-@kernel
-def greatest_clearance(part: Bits, side: int) -> Array2D[np.int64]:
-    """Return the cells as in `square_and_clearance`, for a part whose largest square has the given side."""
-    inner = (side - 1) // 2
-    return _clearance_among_corners(
-        part, part, (0, part.shape[0], 0, part.shape[1]), 1, (inner + 1) * (inner + 1), side
-    )
+@kernel_of_source_mode
+def square_and_clearance(
+    part: Bits, corners: Bits, least: int
+) -> tuple[int, tuple[int, int], Array2D[np.int64]]:
+    """Return the side of a part's largest square, its first corner, and its `greatest_clearance`.
+
+    Parameters
+    ----------
+    corners
+        South-west corners of the squares of side `least` in the part; at least one.
+    """
+    side, where = _largest(corners, least)
+    middle = np.array([[where[0] + (side - 1) // 2, where[1] + (side - 1) // 2]])
+    return side, where, greatest_clearance(part, side, middle)
 
 
-@kernel
+@kernel_part
 def distances2(part: Bits, cells: Strided2D[np.int64], side: int) -> Array1D[np.int64]:
     """Return the squared distances (n,) from cells (n, 2) to the outside of a part.
 

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, Strided2D
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
-from slz.kernels.jit import kernel, kernel_for_any_types, kernel_part
+from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.raster.bitmap import NONE, ONE, Bits, popcount, signed, word_at
 
 Sums = Array2D[np.float64]
@@ -59,23 +57,15 @@ def _add_word(
 
 
 @kernel
-def count(cells: Strided2D[np.uint64]) -> int:
-    """Return the number of set cells."""
-    n = NONE
-    for r in range(cells.shape[0]):
-        for w in range(cells.shape[1]):
-            n += popcount(cells[r, w])
-    return signed(n)
-
-
-@kernel
 def common(cells: Strided2D[np.uint64], others: Strided2D[np.uint64], down: int, right: int) -> int:
     """Return the number of cells set in both of two bitmaps, the first one moved."""
     n = NONE
     for r in range(max(0, -down), min(cells.shape[0], others.shape[0] - down)):
         for w in range(cells.shape[1]):
-            if cells[r, w] != NONE:
+            if cells[r, w] != NONE and right & 63:
                 n += popcount(cells[r, w] & word_at(others, r + down, 64 * w + right))
+            elif 0 <= w + (right >> 6) < others.shape[1]:
+                n += popcount(cells[r, w] & others[r + down, w + (right >> 6)])
     return signed(n)
 
 
@@ -122,94 +112,21 @@ def zonal_sums(
         statistics[of] = sums[of].sum()
 
 
-@kernel
-def zonal_sums_of_tiles(
-    layers: Array4D[np.float32],
-    states: Array4D[np.uint8],
-    table: Array2D[np.int32],
-    wanted: Array2D[np.bool_],
-    row0: int,
-    certainty: int,
-    slope: int,
-    roughness: int,
-    safe: np.uint8,
-    unsafe: np.uint8,
-    own: Bits,
-    content: Bits,
-    statistics: Array3D[np.float64],
-    holes: Bits,
-) -> None:
-    """Compute `zonal_sums` for each wanted tile of a zone that is held.
-
-    Parameters
-    ----------
-    layers, states, table
-        As in `put_layers`; certainty, slope and roughness are indices of layers.
-    own, content, holes
-        Rows from row0 on, in words that are rows of tiles.
-    statistics
-        (rows of tiles, columns of tiles, `ZONAL_STATISTICS`).
-    """
-    flat, flat_states, cells = layers.ravel(), states.ravel(), TILE * TILE
-    sums = np.zeros((ZONAL_STATISTICS, 64))
-    for tr in range(table.shape[0]):
-        south = ((row0 >> TILE_BITS) + tr) << TILE_BITS
-        for tc in range(table.shape[1]):
-            slot = table[tr, tc]
-            if slot < 0 or not wanted[tr, tc]:
-                continue
-            sums[:] = 0.0
-            held = slot * layers.shape[1]
-            for r in range(max(row0, south), min(row0 + len(content), south + TILE)):
-                inside = content[r - row0, tc]
-                if inside != NONE:
-                    at = TILE * (r - south)
-                    holes[r - row0, tc] = _add_word(
-                        own[r - row0, tc], inside, flat_states, flat, flat, flat,
-                        (slot * cells + at, (held + certainty) * cells + at, (held + slope) * cells + at,
-                         (held + roughness) * cells + at),
-                        safe, unsafe, sums,
-                    )  # fmt: skip
-            for of in range(ZONAL_STATISTICS):
-                statistics[tr, tc, of] = sums[of].sum()
-
-
-@kernel_for_any_types
-def _none(cells: Bits, first: int, stop: int, word: int) -> Any:
-    """Return whether nothing is set in a word of some rows, which may be outside."""
-    any_ = NONE
-    if 0 <= word < cells.shape[1]:
-        for r in range(max(0, first), min(len(cells), stop)):
-            any_ |= cells[r, word]
-    return any_ == NONE
-
-
-@kernel_for_any_types
-def _same(new: Bits, old: Bits, first: int, stop: int, down: int, word: int, right: int) -> Any:
-    """Return whether a word of some rows is unchanged; outside the old rows nothing was set."""
-    w, begin, end = word + right, max(first, -down), min(stop, len(old) - down)
-    if w < 0 or w >= old.shape[1] or begin >= end:
-        return _none(new, first, stop, word)
-    other = NONE
-    for r in range(begin, end):
-        other |= new[r, word] ^ old[r + down, w]
-    return other == NONE and _none(new, first, begin, word) and _none(new, end, stop, word)
-
-
-@kernel
+@kernel_part
 def carry_over(
     row0: int,
-    versions: Array2D[np.int64],
+    versions: Strided2D[np.int64],
     own: Bits,
     content: Bits,
     down: int,
     right: int,
-    old_versions: Array2D[np.int64],
+    old_versions: Strided2D[np.int64],
     old_own: Bits,
     old_content: Bits,
     old_statistics: Array3D[np.float64],
     old_holes: Bits,
     wanted: Array2D[np.bool_],
+    same: Array2D[np.bool_],
     statistics: Array3D[np.float64],
     holes: Bits,
 ) -> bool:
@@ -221,28 +138,100 @@ def carry_over(
         Of the tiles: a new number after every write.
     down, right
         Rows and words to add to those of the zone to get those of its predecessor.
-    wanted
-        Receives False for tiles copied, and for those without content.
+    wanted, same
+        Receive False for tiles copied, and for those without content; and whether a tile is unchanged.
     """
-    all_same, old_row0 = True, row0 - down
-    tiles_down = (row0 >> TILE_BITS) - (old_row0 >> TILE_BITS)
+    all_same, first = True, row0 >> TILE_BITS
     for tr in range(versions.shape[0]):
-        south = ((row0 >> TILE_BITS) + tr) << TILE_BITS
-        first, stop = max(row0, south) - row0, min(row0 + len(content), south + TILE) - row0
+        i, south = first + tr - ((row0 - down) >> TILE_BITS), ((first + tr) << TILE_BITS) - row0
         for tc in range(versions.shape[1]):
-            held = not _none(content, first, stop, tc)
-            i, j = tr + tiles_down, tc + right
-            same = 0 <= i < old_versions.shape[0] and 0 <= j < old_versions.shape[1]
-            same = same and old_versions[i, j] == versions[tr, tc]
-            for new, old in ((content, old_content), (own, old_own)):
-                same = same and _same(new, old, first, stop, down, tc, right)
-                same = same and _none(old, south - row0 + down, first + down, j)
-                same = same and _none(old, stop + down, south + TILE - row0 + down, j)
-            wanted[tr, tc] = held and not same
-            all_same &= same or not held
-            if held and same:
+            j, any_inside, changed = tc + right, NONE, NONE
+            known = 0 <= i < old_versions.shape[0] and 0 <= j < old_versions.shape[1]
+            for r in range(south, south + TILE):
+                mine = inside = NONE
+                if 0 <= r < len(content):
+                    mine, inside = own[r, tc], content[r, tc]
+                any_inside |= inside
+                if known and 0 <= r + down < len(old_content):
+                    changed |= (mine ^ old_own[r + down, j]) | (inside ^ old_content[r + down, j])
+                else:
+                    changed |= mine | inside
+            is_same = known and changed == NONE and old_versions[i, j] == versions[tr, tc]
+            wanted[tr, tc], same[tr, tc] = any_inside != NONE and not is_same, is_same
+            all_same &= is_same or any_inside == NONE
+            if is_same and any_inside != NONE:
                 for of in range(ZONAL_STATISTICS):
                     statistics[tr, tc, of] = old_statistics[i, j, of]
-                for r in range(max(first, -down), min(stop, len(old_content) - down)):
+                for r in range(
+                    max(south, 0, -down), min(south + TILE, len(content), len(old_content) - down)
+                ):
                     holes[r, tc] = old_holes[r + down, j]
     return all_same
+
+
+@kernel
+def zonal_sums_of_tiles(
+    layers: Array4D[np.float32],
+    states: Array4D[np.uint8],
+    table: Strided2D[np.int32],
+    versions: Strided2D[np.int64],
+    places: tuple[int, int, int],
+    safe: np.uint8,
+    unsafe: np.uint8,
+    row0: int,
+    own: Bits,
+    content: Bits,
+    down: int,
+    right: int,
+    old_versions: Strided2D[np.int64],
+    old_own: Bits,
+    old_content: Bits,
+    old_statistics: Array3D[np.float64],
+    old_holes: Bits,
+) -> tuple[Array1D[np.float64], Bits, Array3D[np.float64], Array2D[np.bool_], bool]:
+    """Return `zonal_sums` of a zone, with those of its tiles, which are `carry_over` where nothing changed.
+
+    Parameters
+    ----------
+    layers, states, table, places
+        As in `put_layers`; places are the indices of certainty, slope and roughness among the layers.
+    own, content
+        Rows from row0 on, in words that are rows of tiles.
+    down, right and so on
+        As in `carry_over`; without old tiles nothing is carried over.
+
+    Returns
+    -------
+    The statistics; holes; (rows of tiles, columns of tiles, `ZONAL_STATISTICS`); tiles that are unchanged;
+    whether all are that the content touches.
+    """
+    holes, statistics = np.zeros_like(content), np.zeros((*table.shape, ZONAL_STATISTICS))
+    wanted, same = np.ones(table.shape, np.bool_), np.zeros(table.shape, np.bool_)
+    unchanged = carry_over(
+        row0, versions, own, content, down, right, old_versions, old_own, old_content, old_statistics,
+        old_holes, wanted, same, statistics, holes,
+    )  # fmt: skip
+    flat, flat_states, cells, (certainty, slope, roughness) = layers.ravel(), states.ravel(), TILE**2, places
+    sums, total = np.zeros((ZONAL_STATISTICS, 64)), np.zeros(ZONAL_STATISTICS)
+    for tr in range(table.shape[0]):
+        south = ((row0 >> TILE_BITS) + tr) << TILE_BITS
+        for tc in range(table.shape[1]):
+            slot = table[tr, tc]
+            if slot >= 0 and wanted[tr, tc]:
+                sums[:] = 0.0
+                held = slot * layers.shape[1]
+                for r in range(max(row0, south), min(row0 + len(content), south + TILE)):
+                    inside = content[r - row0, tc]
+                    if inside != NONE:
+                        at = TILE * (r - south)
+                        holes[r - row0, tc] = _add_word(
+                            own[r - row0, tc], inside, flat_states, flat, flat, flat,
+                            (slot * cells + at, (held + certainty) * cells + at, (held + slope) * cells + at,
+                             (held + roughness) * cells + at),
+                            safe, unsafe, sums,
+                        )  # fmt: skip
+                for of in range(ZONAL_STATISTICS):
+                    statistics[tr, tc, of] = sums[of].sum()
+            for of in range(ZONAL_STATISTICS):
+                total[of] += statistics[tr, tc, of]
+    return total, holes, statistics, same, unchanged

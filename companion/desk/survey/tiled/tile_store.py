@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from companion.desk.survey.tiled import array_file
 from companion.desk.survey.tiled.surface_parts import SurfaceParts
 from slz import UNKNOWN, Box, Grid
-from slz.grid import common, read_at, within
+from slz.grid import common, within
 from slz.surface.surface_kinds import SurfaceHere
 from slz.terrain.layers import NAMED
 from slz.terrain.terrain_view import UnboundedTerrain
@@ -124,9 +124,6 @@ class Store(UnboundedTerrain):
 
     def layer(self, name: str, box: Box) -> NDArray[np.float32]:
         return np.asarray(self.read(name, box), np.float32)
-
-    def layer_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
-        return read_at(lambda box: self.layer(name, box), cells)
 
     def surface_at(self, enu_m: NDArray[np.float64], around_m: float) -> SurfaceHere:
         whole, cell_m = self.layout.whole, self.layout.cell_m

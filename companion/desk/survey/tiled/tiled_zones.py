@@ -86,7 +86,7 @@ def _found(
         for candidate in search_components(
             cells, layout.local(window), least, parameters.min_boundary_points
         ):
-            described = describe(Content.of(candidate, store, least), store, NOWHERE, parameters, 0)
+            described = describe(Content.of(candidate, store), store, NOWHERE, parameters, 0)
             yield DescribedZone(
                 first=_first(candidate, least),
                 zone=replace(described, obstacles=()),

@@ -17,12 +17,13 @@ from slz.kernels.cells.cell_record import TILE, TILE_BITS
 from slz.kernels.raster.bitmap import ALL
 from slz.kernels.raster.zonal_sums import ZONAL_STATISTICS, carry_over
 from slz.zones.description import Content
+from slz.zones.tile_view import TileView
 from slz.zones.zone_map import ZoneMap
 from tests.unit.slz.hand_made import FRAME, near_map
 
 Points = NDArray[np.float64]
 STEPS = 14
-SIDE = 15  # cells of the square in a zone
+SETTINGS = params.load("quadcopter", ["zone_m=70", "min_boundary_points=5"])
 
 
 def forgetful(zone_map: Any) -> None:
@@ -92,9 +93,9 @@ def test_what_did_not_change_is_not_looked_up_again(monkeypatch: pytest.MonkeyPa
     whole = part = 0
     look = Content.of
 
-    def counted(candidate: Any, terrain: Any, side: int, before: Content | None = None) -> Content:
+    def counted(candidate: Any, terrain: Any, before: Content | None, view: Any) -> Content:
         nonlocal whole, part
-        content = look(candidate, terrain, side, before)
+        content = look(candidate, terrain, before, view)
         if before is not None:
             whole += content is before
             part += content is not before and bool(
@@ -110,7 +111,7 @@ def test_what_did_not_change_is_not_looked_up_again(monkeypatch: pytest.MonkeyPa
 
 def test_a_part_of_a_zone_in_tiles_of_its_own_is_not_kept_once_it_is_gone() -> None:
     """All tiles that the rest lies in are as they were."""
-    pipe = Pipeline(params.load("quadcopter", ["zone_m=70", "min_boundary_points=5"]), (0.0, 0.0))
+    pipe = Pipeline(SETTINGS, (0.0, 0.0))
     rng = np.random.default_rng(1)
     points = scan(rng, np.zeros(2), 28, np.empty((0, 4)))
     pipe.process(Window(points, np.zeros(len(points), np.int64), np.array([0.0, 0.0, 20.0]), FRAME, 0, 0))
@@ -120,8 +121,9 @@ def test_a_part_of_a_zone_in_tiles_of_its_own_is_not_kept_once_it_is_gone() -> N
     own, content = whole.own_bits.copy(), whole.content_bits.copy()
     own[:, -1] = content[:, -1] = 0
     rest = replace(whole, own_bits=own, content_bits=content)
-    known = Content.of(rest, near.terrain, SIDE, Content.of(whole, near.terrain, SIDE))
-    anew = Content.of(rest, near.terrain, SIDE)
+    view = TileView.of(near.terrain, near.terrain.seen)
+    known = Content.of(rest, near.terrain, Content.of(whole, near.terrain, None, view), view)
+    anew = Content.of(rest, near.terrain, None, view)
     assert known.statistics.unchanged
     assert known.candidate is rest
     np.testing.assert_array_equal(known.statistics.totals, anew.statistics.totals)
@@ -162,7 +164,8 @@ def test_tiles_that_are_as_they_were_are_carried_over_wherever_the_zone_begins(s
     old_holes = beside[TILE : len(beside) - TILE]
     old_holes[:] = all_holes[old_row0:old_stop, there[1]]
     shape = (here[0].stop - here[0].start, n)
-    wanted, parts, holes = (
+    wanted, unchanged, parts, holes = (
+        np.ones(shape, bool),
         np.ones(shape, bool),
         np.zeros((*shape, ZONAL_STATISTICS)),
         np.zeros((stop - row0, n), np.uint64),
@@ -173,7 +176,7 @@ def test_tiles_that_are_as_they_were_are_carried_over_wherever_the_zone_begins(s
     carry_over(
         row0, np.ascontiguousarray(versions[here]), mine, mine, row0 - old_row0, word - old_word,
         np.ascontiguousarray(old_versions[there]), theirs, theirs, np.ascontiguousarray(sums[there]),
-        old_holes, wanted, parts, holes,
+        old_holes, wanted, unchanged, parts, holes,
     )  # fmt: skip
     for i, j in np.ndindex(*shape):
         tr, tc = here[0].start + i, word + j
@@ -181,6 +184,7 @@ def test_tiles_that_are_as_they_were_are_carried_over_wherever_the_zone_begins(s
         known = there[0].start <= tr < there[0].stop and there[1].start <= tc < there[1].stop
         same = known and versions[tr, tc] == old_versions[tr, tc]
         same = same and np.array_equal(new[rows, tc], old[rows, tc])
+        assert unchanged[i, j] == same
         assert wanted[i, j] == (new[rows, tc].any() and not same)
         own = slice(max(rows.start, row0), min(rows.stop, stop))
         kept = same and new[rows, tc].any()
@@ -190,7 +194,7 @@ def test_tiles_that_are_as_they_were_are_carried_over_wherever_the_zone_begins(s
 
 
 def test_cells_in_other_words_than_rows_of_tiles_are_refused() -> None:
-    pipe = Pipeline(params.load("quadcopter", ["zone_m=70", "min_boundary_points=5"]), (0.0, 0.0))
+    pipe = Pipeline(SETTINGS, (0.0, 0.0))
     points = scan(np.random.default_rng(1), np.zeros(2), 28, np.empty((0, 4)))
     pipe.process(Window(points, np.zeros(len(points), np.int64), np.array([0.0, 0.0, 20.0]), FRAME, 0, 0))
     near = near_map(pipe)
@@ -198,4 +202,4 @@ def test_cells_in_other_words_than_rows_of_tiles_are_refused() -> None:
     one = near.candidates[0]
     aside = replace(one, box=replace(one.box, col0=one.box.col0 + 1, col1=one.box.col1 + 1))
     with pytest.raises(ValueError, match="rows of the terrain's tiles"):
-        Content.of(aside, near.terrain, SIDE)
+        Content.of(aside, near.terrain, None, TileView.of(near.terrain, near.terrain.seen))

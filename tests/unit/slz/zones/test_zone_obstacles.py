@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from slz.grid import Box, Grid
 from slz.kernels.raster.bitmap import packed
+from slz.kernels.raster.zone_views import zone_obstacles
 from slz.terrain.terrain_maps import SAFE
 from slz.terrain.terrain_view import UnboundedTerrain
-from slz.zones.description import _obstacles
+from slz.zones.tile_view import TileView
 
 ROWS, COLS = 12, 90
+NOTHING_KNOWN = np.zeros((0, 0), bool), np.empty((0, 6), np.int64), np.empty(0)
 
 
 @dataclass
@@ -26,11 +28,8 @@ class Maps(UnboundedTerrain):
     top_m: NDArray[np.float32]
 
     def layer(self, name: str, box: Box) -> NDArray[np.float32]:
-        wide = np.pad(getattr(self, name), 9, constant_values=np.nan)
-        return np.asarray(wide[box.row0 + 9 : box.row1 + 9, box.col0 + 9 : box.col1 + 9])
-
-    def layer_at(self, name: str, cells: NDArray[np.integer]) -> NDArray[np.float32]:
-        return np.asarray(getattr(self, name)[tuple(cells.T)])
+        wide = np.pad(getattr(self, name), 64, constant_values=np.nan)
+        return np.asarray(wide[box.row0 + 64 : box.row1 + 64, box.col0 + 64 : box.col1 + 64])
 
     def state(self, box: Box) -> NDArray[np.uint8]:
         return np.full(box.shape, SAFE, np.uint8)
@@ -48,8 +47,8 @@ def test_an_obstacle_s_height_is_over_the_known_ground_of_the_zone_around_it() -
     for row, col, up in ((5, 10, 13.0), (6, 70, 20.5)):
         holes[row, col], own[row, col], height[row, col], top[row, col] = True, False, 99.0, up
     terrain = Maps(Grid(0.0, 0.0, 0.5, ROWS, COLS), height, top)
-    found = _obstacles(
-        packed(holes.view(np.uint8)), packed(own.view(np.uint8)), Box(0, ROWS, 0, COLS), terrain
-    ).over(0.0)
-    assert sorted((o.east_m, o.north_m) for o in found) == [(5.25, 2.75), (35.25, 3.25)]
-    assert {o.east_m: o.height_m for o in found} == {5.25: pytest.approx(3.0), 35.25: pytest.approx(0.5)}
+    view = TileView.copied(terrain.layer, Box(0, ROWS, 0, 128), 0, "height_m", "top_m")
+    bits = packed(own.view(np.uint8)), packed(holes.view(np.uint8))
+    _, cells, highest, tops_m, grounds_m = zone_obstacles(*view[:5], 0, 0, *bits, 9, 3, *NOTHING_KNOWN)
+    assert cells[highest].tolist() == [[5, 10], [6, 70]]
+    assert (tops_m - grounds_m).tolist() == pytest.approx([3.0, 0.5])

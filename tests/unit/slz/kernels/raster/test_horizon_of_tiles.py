@@ -34,8 +34,8 @@ def test_the_horizon_ahead_is_that_of_the_layers(rough_m: float, degrees: int) -
     box = Box(row - 90, row + 91, col - 80, col + 81)
     height, top = terrain.layer("height_m", box), terrain.layer("top_m", box)
     view = np.where((terrain.state(box) == SAFE) | np.isnan(top), height, top)
-    wanted = horizon_at(point, view, terrain.grid, box, 1.0, 15.0, towards)
-    told = np.degrees(terrain.horizon(point, box, 1.0, 15.0, SECTORS, towards))
+    wanted = horizon_at(point, view, terrain.grid, box, 1.0, 15.0)
+    found = np.degrees(terrain.horizon(point, box, 1.0, 15.0, SECTORS, towards))
     ahead = round(degrees / 360 * SECTORS)
     sectors = [(ahead + k) % SECTORS for k in (-1, 0, 1)]
-    assert np.array_equal(told[sectors], wanted[sectors], equal_nan=True)
+    assert np.array_equal(found, np.nanmax(wanted[sectors]), equal_nan=True)
