@@ -10,7 +10,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 # The workers of the tests, and the programs that these start, share what Python has compiled.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test setup checks kernels lint types docs unit bench coverage mutation campaign soak fuzz evidence audit constraints fresh clean
+.PHONY: demo test setup checks kernels lint types docs unit bench pages coverage mutation campaign soak fuzz evidence audit constraints fresh clean
 
 demo: $(PROGRAM)
 	$(BIN)/slz demo --headless --out out/demo
@@ -84,8 +84,14 @@ RELEASES ?= bookworm trixie
 fresh:
 	tests/fresh.sh $(RELEASES)
 
+# All speeds in one table, docs/benchmark/speed.md; five minutes. The loads against C++ need files of ours or yours:
+# BASELINE=baseline.cpp GENERATOR=gen.py (docs/benchmark/index.md).
 bench: setup
-	$(BIN)/python -m pytest -m bench
+	$(BIN)/python -m tests.bench.speed $(if $(BASELINE),--baseline $(BASELINE)) $(if $(GENERATOR),--generator $(GENERATOR))
+
+# Which pages of docs/benchmark are older than the code they measure; RUN=all makes those again, RUN="wires specks" some.
+pages: setup
+	$(BIN)/python -m tests.bench.pages $(if $(RUN),--run $(filter-out all,$(RUN)))
 
 # Branches of slz and companion, those of kernels with the compiler off; report in out/coverage (docs/testing.md).
 coverage: setup
