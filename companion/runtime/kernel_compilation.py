@@ -48,13 +48,13 @@ OF_SURVEY = {
     "polygons/cell_rings": "boundary_rings",
     "polygons/contour": "corner_indices squares",
     "polygons/inner_simplification": "simplify_inside",
-    "raster/connected_components": "cells_around components highest_cells largest_groups medians"
-    " put_without_small_parts",
-    "raster/distance_transform": "distances2 greatest_clearance largest_square most_certain",
+    "raster/connected_components": "components put_without_small_parts",
+    "raster/distance_transform": "greatest_clearance largest_square most_certain",
     "raster/morphology": "above closed complement dilated enclosed eroded exceeds minimum_filter",
     "raster/region_fill": "fill",
     "raster/square_erosion": "erode_to_side",
-    "raster/zonal_sums": "count zonal_sums",
+    "raster/zonal_sums": "common zonal_sums",
+    "raster/zone_views": "heights_at sure_clearance zone_obstacles",
     "surface/dark_returns": "dark_returns",
     "surface/level_extents": "add_coarse coarser extents_of",
     "surface/penetration": "penetration",
@@ -212,6 +212,6 @@ if __name__ == "__main__":  # child of `compile_kernels`: a module and its kerne
         module, *kernels = line.split()
         own = vars(importlib.import_module(module))
         for kernel in kernels:
-            if hasattr(own[kernel], "compiled"):  # not yet, as those of the simulator are at import
+            if hasattr(own.get(kernel), "compiled"):  # not yet, as those of the simulator are at import
                 own[kernel].compiled()
         print("done", flush=True)
