@@ -69,7 +69,7 @@ class Parameters(BaseModel):
             "SLZ_WINDOW_S",
             "s",
             PAPER,
-            "Time span of scans handed on together; in flight a tenth, if the computer can.",
+            "Time span of scans handed on together; in flight longer, if the computer is slow.",
         ),
     ] = 1.0
     zone_m: Annotated[

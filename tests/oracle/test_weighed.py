@@ -43,7 +43,7 @@ def test_the_wide_axis_of_a_strip_is_along_it(bearing_deg: float) -> None:
     rng = np.random.default_rng(5)
     along, across = rng.normal(0, 9.0, 500), rng.normal(0, 0.5, 500)
     c, s = np.cos(np.radians(bearing_deg)), np.sin(np.radians(bearing_deg))
-    places = (*np.column_stack([c * along - s * across, s * along + c * across]), 100.0, -40.0)
+    places = np.column_stack([100 + c * along - s * across, s * along + c * across - 40])
     (axis,) = wide_axes(places, 2.0).T
     assert abs(axis @ (c, s)) > 0.999
     np.testing.assert_array_equal(wide_axes(places, 0.3), np.eye(2))

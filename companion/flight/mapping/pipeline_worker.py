@@ -40,7 +40,7 @@ LAST = 10  # windows whose computing is told
 class PipelineWorker:
     """Collects scans into windows and runs the pipeline on them in one thread.
 
-    Windows are as short as the computer allows, see `WindowPace`. While one is computed the next one grows,
+    Windows are longer on a slow computer, see `WindowPace`. While one is computed the next one grows,
     and waits when it is as long as is of use; a third replaces the waiting one, which is counted in
     `dropped_windows`. An exception in the pipeline, or a report that breaks an invariant, sets `invalid`
     until a window succeeds. Windows and reports too old to land by, because scans stopped in mid-window or

@@ -1,11 +1,11 @@
-"""Pace of windows: as short as the computer allows."""
+"""Pace of windows: longer on a computer that is too slow for short ones."""
 
 from __future__ import annotations
 
 from params import Parameters
 
 SHARE = 0.4  # of the time, for which the pipeline may compute
-SHORTEST = 0.1  # of `window_s`
+SHORTEST = 1.0  # of `window_s`
 WEIGHT = 0.2  # of the newest window in the mean time to compute one
 
 
@@ -15,8 +15,8 @@ class WindowPace:
     Attributes
     ----------
     window_s
-        Span of the next window: that whose mean time of computing is `SHARE` of it, a tenth of the parameter
-        `window_s` at least. With `adaptive=off` and in source mode the parameter itself.
+        Span of the next window: that whose mean time of computing is `SHARE` of it, `SHORTEST` of the
+        parameter `window_s` at least. With `adaptive=off` and in source mode the parameter itself.
     """
 
     def __init__(self, parameters: Parameters) -> None:
@@ -29,4 +29,4 @@ class WindowPace:
         """Note the time that a window took, and the longest span that suits the flight."""
         self._took_s += (took_s - self._took_s) * (WEIGHT if self._took_s else 1.0)
         if self._adapts:
-            self.window_s = max(SHORTEST * self._fixed_s, min(self._took_s / SHARE, longest_s))
+            self.window_s = min(longest_s, max(SHORTEST * self._fixed_s, self._took_s / SHARE))

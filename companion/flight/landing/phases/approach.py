@@ -31,6 +31,7 @@ from companion.flight.landing.ways.fly_out import FlyOut
 from companion.flight.landing.zone_choice import must_be_confirmed
 from slz import PointState, SurfaceHere, SurfaceKind
 
+REFUSED_NS = 2 * SECOND  # called unsafe by every report
 STEADY_NS = 2 * SECOND  # point safe before the descent
 UNSEEN_NS = 30 * SECOND  # over a point that stays unknown
 WATER_NS = 5 * SECOND  # over a point that stays unknown because it may be water, after the look from aside
@@ -129,16 +130,16 @@ class Approach:
         return commands
 
     def _is_refused(self, s: Situation, judged: PointState) -> bool:
-        """Return whether all reports of a second call the point unsafe.
+        """Return whether all reports of two seconds call the point unsafe.
 
-        From high above it a single one, of few returns, may err.
+        From high above it a few returns may err, and later rays prove it within seconds.
         """
         if judged is not PointState.UNSAFE or s.report is None:
             self._refused_ns = None
             return False
         if self._refused_ns is None:
             self._refused_ns = s.report.stamp_ns
-        return s.report.stamp_ns - self._refused_ns >= SECOND
+        return s.report.stamp_ns - self._refused_ns >= REFUSED_NS
 
     def descend_at_once(self, s: Situation) -> VehicleCommands | None:
         """Descend over a safe point without waiting; None if the vehicle is not ready to go straight down."""

@@ -214,8 +214,7 @@ async def test_the_map_around_the_vehicle_is_published(monkeypatch: pytest.Monke
     pipeline = Pipeline(params.load())
     windower = Windower(1.0)
     for second in range(3):
-        window = windower.add(scan(second))
-        if window is not None:
+        for window in windower.add(scan(second)):
             pipeline.process(window)
     wanted = pipeline.maps()
     assert wanted is not None
