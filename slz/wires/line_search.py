@@ -37,10 +37,9 @@ Floats = NDArray[np.float64]
 class Measures(NamedTuple):
     """What the returns of a curve have in common.
 
-    on_curve: places that have returns. span_s: time between the first
-    and the last. moved_m: how far the sensor moved.
-    range_m, steepness, sigma_m: medians of the distance from the sensor, of the fall of the rays over their
-    distance, and of the standard deviation of the place.
+    on_curve: places that have returns. span_s: time between the first return and the last. moved_m: how far
+    the sensor moved. range_m, steepness, sigma_m: medians of the distance from the sensor, of the fall of the
+    rays over their distance, and of the standard deviation of the place.
     """
 
     on_curve: int
