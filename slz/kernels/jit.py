@@ -16,6 +16,7 @@ from typing import Annotated, Any, TypeVar, cast, get_args, get_origin, get_type
 
 import numba
 import numpy as np
+from llvmlite import binding
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.registry import CPUDispatcher
 
@@ -28,6 +29,9 @@ SCALARS = {float: "float64", int: "int64", bool: "boolean", np.bool_: "boolean",
 # Without the wrapper for C, which takes seconds of compilation over all kernels; nobody calls it.
 OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 ROOT = Path(__file__).parents[2]
+# Where two variables on the stack share a place, LLVM writes so into the very code that Numba then compiles
+# into callers, and forgets the larger alignment: on processors with wide lanes they crash.
+binding.set_option("slz", "-no-stack-coloring")
 _logged = set[str]()  # modules
 
 

@@ -14,6 +14,7 @@ from typing import TypeVar
 import numba
 import numpy as np
 import pytest
+from llvmlite import binding
 
 from slz.kernels.argument_types import Array1D, Array2D, Array4D, Float32, ReadOnly2D, Strided2D
 from slz.kernels.jit import kernel, kernel_part, signatures
@@ -145,6 +146,32 @@ def test_kernels_of_flights_are_compiled_before_a_flight_and_later_at_their_impo
 
 
 @compiled
+def test_code_generation_lets_no_variables_on_the_stack_share_a_place() -> None:
+    """Else what Numba takes over into callers has 16 lanes in a place that is aligned for a pointer."""
+    calls = "\n".join(
+        f"""
+        call void @llvm.lifetime.start.p0(ptr %{name})
+        store {kind} zeroinitializer, ptr %{name}
+        call void @use(ptr %{name})
+        call void @llvm.lifetime.end.p0(ptr %{name})"""
+        for name, kind in (("words", "[11 x i64]"), ("lanes", "<16 x float>"))
+    )
+    module = binding.parse_assembly(
+        f"""
+        declare void @use(ptr)
+        declare void @llvm.lifetime.start.p0(ptr)
+        declare void @llvm.lifetime.end.p0(ptr)
+        define void @f() {{
+        %words = alloca [11 x i64]
+        %lanes = alloca <16 x float>
+        {calls}
+        ret void
+        }}"""
+    )
+    binding.Target.from_default_triple().create_target_machine(opt=3).emit_object(module)
+    assert "@use(ptr %lanes)" in str(module)
+
+
 def test_a_kernel_first_called_by_several_threads_at_once_is_compiled_for_its_annotations_alone() -> None:
     @kernel
     def eighth(value: float) -> float:
