@@ -21,5 +21,7 @@ def test_lowest_returns(every: int, reach_m: float) -> None:
         (n, *cells[number == n][0].tolist(), float(some[number == n, 2].min())) for n in np.unique(number)
     ]
     index, places, heights = np.empty(CELLS, np.int64), np.empty((2, CELLS), np.int64), np.empty(CELLS)
-    n = find_lowest(points, every, sensor, reach_m, index, places, heights)
-    assert list(zip(index[:n], *places[:, :n], heights[:n], strict=True)) == expected
+    which = np.empty(CELLS, np.int64)
+    n = find_lowest(points, every, sensor, reach_m, index, places, heights, which)
+    assert list(zip(index[:n], *places[:, :n], points[which[:n], 2], strict=True)) == expected
+    assert (heights[:n] == points[which[:n], 2]).all()

@@ -2,8 +2,8 @@
 
 An estimate that fuses another height slides by metres within seconds, and ground seen before would become a
 step. Each scan is compared with the ground of the last seconds. What it is higher in common is the
-estimate's error, if its height has moved against its own vertical velocity: a vehicle that moves does not.
-Slower drifts are followed from window to window (`slz.points.registration`).
+estimate's error, if its height has moved against its own vertical velocity: a vehicle that moves does not. How fast the
+error grows is told within the scan, so that the first one of a slide is placed as well as the others. Slower drifts are followed from window to window (`slz.points.registration`).
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from slz import Scan
 from slz.frame import is_known
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D
 from slz.kernels.jit import kernel
+from slz.kernels.points.robust_regression import robust_fit
 from slz.moving.common_shift import FEWEST_CELLS
-from slz.points.registration import FEWEST_SPREAD_M, MOST_TILT_RAD, robust_plane, wide_axes
+from slz.points.registration import FEWEST_SPREAD_M, MOST_TILT_RAD, wide_axes
 
 Floats = NDArray[np.float64]
 Cells = NDArray[np.int64]
@@ -37,6 +38,8 @@ SLIDE_MS = 0.8  # from scan to scan, likewise: a filter that sways is slower (PX
 SIGMAS = 5.0  # of what the offset wanders within that time, likewise
 WANDERS_OVER = 600  # scans
 LEAST_SHARE = 0.5  # of a slide, that the estimate's velocity does not explain; of the cells that agree on it
+USUAL_MS = 3.0  # speed of a slide, as to which a view that turns with time (a spinning sensor) tells little
+NOISE_M = 0.03  # of a cell's height
 ROUNDS = 3
 
 
@@ -89,16 +92,16 @@ class HeightDatum:
         while self._recent and at_ns - self._recent[0].stamp_ns > HOLD_NS:
             self._recent.popleft()
         elapsed_s = (at_ns - before_ns) * 1e-9
-        late_s = float(at_ns - _median(scan.stamp_ns)) * 1e-9
         shift_m = float(before.shift_enu_m[2]) + before.slide_up_ms * elapsed_s
-        lowest = _Lowest.of(before.levelled(scan), scan.sensor_enu_m)
+        lowest = _Lowest.of(before.levelled(scan), scan.stamp_ns, scan.sensor_enu_m)
         known = self._ground.holds(lowest, at_ns)
-        up_m = self._ground.common_m(lowest, known, shift_m, scan.sensor_enu_m)
+        common = self._ground.common_m(lowest, known, shift_m, scan.sensor_enu_m)
         slide_ms = 0.0
-        if up_m is not None and elapsed_s > 0:
+        if common is not None and elapsed_s > 0:
+            up_m, up_ms = common
             if self._slides(_Datum(at_ns, up_m - shift_m, slip_m)):
-                slide_ms = before.slide_up_ms - up_m / elapsed_s
-                shift_m += (slide_ms - before.slide_up_ms) * late_s - up_m
+                slide_ms = before.slide_up_ms - up_ms
+                shift_m -= up_m
             elif before.slide_up_ms:
                 shift_m -= up_m  # the slide has ended
         if slide_ms or before.slide_up_ms:
@@ -154,20 +157,25 @@ class HeightDatum:
 
 @dataclass(frozen=True, slots=True)
 class _Lowest:
-    """Lowest returns of a scan by cells, in order: number (n,), east and north (2, n), heights (n,)."""
+    """Lowest returns of a scan by cells, in order: number (n,), east and north (2, n), heights (n,).
+
+    early_s : (n,), before the scan's end.
+    """
 
     index: Cells
     places: Cells
     heights_m: Floats
+    early_s: Floats
 
     @classmethod
-    def of(cls, points_enu_m: Floats, sensor_enu_m: Floats) -> _Lowest:
+    def of(cls, points_enu_m: Floats, stamp_ns: Cells, sensor_enu_m: Floats) -> _Lowest:
         every = -(-len(points_enu_m) // MOST_RETURNS)
         index, places, heights = np.empty(CELLS, np.int64), np.empty((2, CELLS), np.int64), np.empty(CELLS)
-        n = find_lowest(
-            np.ascontiguousarray(points_enu_m), every, sensor_enu_m, REACH_M, index, places, heights
-        )
-        return cls(index[:n], places[:, :n], heights[:n])
+        which = np.empty(CELLS, np.int64)
+        points = np.ascontiguousarray(points_enu_m)
+        n = find_lowest(points, every, sensor_enu_m, REACH_M, index, places, heights, which)
+        early_s = (stamp_ns[-1] - stamp_ns[which[:n]]) * 1e-9
+        return cls(index[:n], places[:, :n], heights[:n], early_s)
 
 
 @kernel
@@ -179,21 +187,25 @@ def find_lowest(
     index: Array1D[np.int64],
     places: Array2D[np.int64],
     heights: Array1D[np.float64],
+    which: Array1D[np.int64],
 ) -> int:
-    """Write the lowest of every k-th point in reach by cells of a metre, as in `_Lowest`; return how many."""
-    lowest, at = np.full(CELLS, np.inf), np.empty((CELLS, 2), np.int64)
+    """Write the lowest of every k-th point in reach by cells of a metre, as in `_Lowest`; return how many.
+
+    which : number of the point.
+    """
+    lowest, at = np.full(CELLS, np.inf), np.empty((CELLS, 3), np.int64)
     for i in range(0, len(points), every):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
         if math.hypot(x - sensor[0], y - sensor[1]) < reach_m:
             east, north = math.floor(x), math.floor(y)
             cell = east % SIDE * SIDE + north % SIDE
             if z < lowest[cell]:
-                lowest[cell], at[cell, 0], at[cell, 1] = z, east, north
+                lowest[cell], at[cell, 0], at[cell, 1], at[cell, 2] = z, east, north, i
     n = 0
     for cell in range(CELLS):
         if lowest[cell] < np.inf:
             index[n], heights[n] = cell, lowest[cell]
-            places[0, n], places[1, n] = at[cell, 0], at[cell, 1]
+            places[0, n], places[1, n], which[n] = at[cell, 0], at[cell, 1], at[cell, 2]
             n += 1
     return n
 
@@ -208,8 +220,11 @@ class _RecentGround:
 
     def common_m(
         self, lowest: _Lowest, known: NDArray[np.bool_], shift_m: float, sensor_enu_m: Floats
-    ) -> float | None:
-        """Return what shifted returns are higher in common, at the sensor; None where they tell none."""
+    ) -> tuple[float, float] | None:
+        """Return what shifted returns are higher in common, at the sensor and the end of the scan.
+
+        And how fast that grows (m/s). None where they tell none.
+        """
         if np.count_nonzero(known) < FEWEST_CELLS:
             return None
         if sensor_enu_m[2] - _median(np.sort(lowest.heights_m)) < LEAST_HEIGHT_M:
@@ -219,8 +234,13 @@ class _RecentGround:
         if axes.shape[1] < 2:
             return None  # an object may fill a line or a narrow view
         over_m = lowest.heights_m[known] + shift_m - self._heights_m[lowest.index[known]]
-        (up_m, *tilt), share = robust_plane(places_m, over_m, axes, ROUNDS)
-        return up_m if share >= LEAST_SHARE and math.hypot(*tilt) <= MOST_TILT_RAD else None
+        usual = np.array([[0.0, 0.0, 0.0, NOISE_M / USUAL_MS]])  # as if a cell had seen the usual: no slide
+        design = np.column_stack([np.ones(len(places_m)), places_m, -lowest.early_s[known]])
+        (up_m, *tilt, up_ms), share = robust_fit(
+            np.concatenate([design, usual]), np.append(over_m, 0.0), ROUNDS
+        )
+        agrees = share >= LEAST_SHARE and math.hypot(*tilt) <= MOST_TILT_RAD
+        return (float(up_m), float(up_ms)) if agrees else None
 
     def add(self, lowest: _Lowest, new: NDArray[np.bool_], shift_m: float, at_ns: int) -> None:
         """Add the cells that are not held yet, or no more."""
