@@ -69,7 +69,7 @@ class Parameters(BaseModel):
             "SLZ_WINDOW_S",
             "s",
             PAPER,
-            "Time span of scans handed on together; in flight longer, if the computer is slow.",
+            "Time span of returns judged together; in flight windows are a tenth of it, longer on slow computers.",
         ),
     ] = 1.0
     zone_m: Annotated[

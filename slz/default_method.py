@@ -22,7 +22,7 @@ from slz.prior import Source as PriorSource
 from slz.report import MapReport
 from slz.stages import BELIEF, METHOD
 from slz.window import Window
-from slz.window_returns import Flag, Returns, is_for_near_map
+from slz.window_returns import Flag, Returns, is_alone, is_for_near_map
 from slz.zones.zone_map import ZoneMap
 
 Points = NDArray[np.float64]
@@ -80,8 +80,8 @@ class DefaultMethod:
             ground = self.ground = Ground(frame, centre, self._p, self._numbers, self.prior)
         ground.begin_window(returns.stamp_s, None if selected is None else selected.enu_m)
         self._lanes.run(METHOD, returns, ground, ms)
-        n_used = int(is_for_near_map(returns.flags).sum())
-        return MethodResult(ground.near, ground.far, ground.choice, n_used, ground.known_wires())
+        n_used, n_alone = (int(of(returns.flags).sum()) for of in (is_for_near_map, is_alone))
+        return MethodResult(ground.near, ground.far, ground.choice, n_used, ground.known_wires(), n_alone)
 
     def without_map(self, enu_m: Points, before: SelectedPoint | None) -> SelectedPoint:
         """Return an unknown point: evidence that neither map has is too old, or was given up."""

@@ -38,7 +38,7 @@ class ResolutionMap(Protocol):
 class MethodResult:
     """Outcome of one window.
 
-    n_used: points near enough for the near map. wires: known now.
+    n_used: points near enough for the near map. wires: known now. n_alone: returns without others near.
     """
 
     near: ResolutionMap
@@ -46,6 +46,7 @@ class MethodResult:
     choice: Choice
     n_used: int
     wires: tuple[Wire, ...] = ()
+    n_alone: int = 0
 
 
 class Method(Protocol):

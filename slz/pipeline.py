@@ -104,6 +104,7 @@ class Pipeline:
             nearby=around,
             prior=self.method.prior_report(),
             wires=result.wires,
+            n_alone=result.n_alone,
         )
 
     def begin_new_map(self) -> None:

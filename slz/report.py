@@ -28,12 +28,12 @@ class Report:
 
     near, far: the maps of fine and of coarse cells; both are maintained whichever is active. choice: features
     of the window, and the mode, resolution and window length chosen from them. n_points: returns of the
-    window. n_used: returns in range of the near map. n_without_tile, n_evicted: points without a tile in the
-    memory budget, and tiles evicted. far_is_active: the far map is the one to land by. stage_ms: processing
-    time by stage; of one that runs beside others, what is left of it after them. nearby: heights around the
-    vehicle, None where its position is unknown. prior: zones on ground surveyed before the flight, None
-    without a survey: to fly to and inspect, and never to land in before the other maps confirm them. wires:
-    power lines and cables known now.
+    window. n_alone: those without others near. n_used: returns in range of the near map. n_without_tile,
+    n_evicted: points without a tile in the memory budget, and tiles evicted. far_is_active: the far map is
+    the one to land by. stage_ms: processing time by stage; of one that runs beside others, what is left of it
+    after them. nearby: heights around the vehicle, None where its position is unknown. prior: zones on ground
+    surveyed before the flight, None without a survey: to fly to and inspect, and never to land in before the
+    other maps confirm them. wires: power lines and cables known now.
     """
 
     stamp_ns: int
@@ -51,6 +51,7 @@ class Report:
     nearby: Nearby | None = None
     prior: MapReport | None = None
     wires: tuple[Wire, ...] = ()
+    n_alone: int = 0
 
     @property
     def active(self) -> MapReport:

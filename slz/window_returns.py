@@ -84,3 +84,8 @@ def is_for_near_map(flags: NDArray[np.uint16]) -> NDArray[np.bool_]:
     """Return which flags (n,) are of returns for the near map: near enough, or raised at any range."""
     near = (flags & (Flag.KEPT | Flag.NEAR | Flag.SPARSE)) == Flag.KEPT | Flag.NEAR
     return np.asarray(near | ((flags & Flag.RAISED) != 0))
+
+
+def is_alone(flags: NDArray[np.uint16]) -> NDArray[np.bool_]:
+    """Return which flags (n,) are of returns without enough others near them."""
+    return np.asarray((flags & (Flag.ISOLATED | Flag.DISTANT | Flag.SPARSE)) != 0)

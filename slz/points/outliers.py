@@ -54,7 +54,7 @@ def in_cluster(points_enu_m: NDArray[np.float64], radius_m: float, least: int) -
 
 
 def not_isolated(
-    points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], cell_m: float
+    points_enu_m: NDArray[np.float64], sensor_enu_m: NDArray[np.float64], cell_m: float, looks: int = 1
 ) -> NDArray[np.bool_]:
     """Return which returns of a window are not isolated.
 
@@ -72,11 +72,14 @@ def not_isolated(
         (n, 3) returns of one window, finite.
     sensor_enu_m
         (3,) position of the sensor; NaN where unknown.
+    looks
+        Such windows in the span for which the rule is made: an object sends back returns in each, and a
+        speck of dust at the sensor, which two pulses hit, in one.
     """
     if not len(points_enu_m):
         return np.ones(0, bool)
     points = np.ascontiguousarray(points_enu_m)
-    return is_supported(points, sensor_enu_m, max(0.3, 1.5 * cell_m), LEAST_SUPPORT, OBJECT_M2)
+    return is_supported(points, sensor_enu_m, max(0.3, 1.5 * cell_m), LEAST_SUPPORT, OBJECT_M2 * looks)
 
 
 def is_dense_at(

@@ -19,7 +19,7 @@ from sitl.simulation import Simulation
 from tests.ports import free_port
 
 TICK_NS, LIDAR_MS, POINT_RATE_HZ = 10_000_000, 50, 25_000  # coarser than by default, for time
-COMPUTING_S = 0.25  # of a slow computer, for a window
+COMPUTING_S = 0.04  # of a slow computer, for a window
 # How each simulated LiDAR is spoken of on board: the URL of its port, and how it is mounted.
 LIDARS: dict[str, tuple[str, dict[str, float]]] = {
     "mid360": ("livox:{port}", {}),

@@ -229,7 +229,8 @@ class PipelineWorker:
 
         Computing that takes no simulated time makes them older by what it takes by the wall clock.
         """
-        self.pace.follow(took_s, report.choice.window_s)
+        alone = report.n_alone / max(1, report.n_points)
+        self.pace.follow(took_s, report.choice.window_s, alone)
         self._windower.window_s, self._windower.longest_s = self.pace.window_s, report.choice.window_s
         rows = np.linspace(0, len(window) - 1, AGES).astype(np.intp)
         untold_ms = max(0.0, float(self.computing_ms.last) - took_s * 1e3)

@@ -31,7 +31,7 @@ from companion.flight.landing.ways.fly_out import FlyOut
 from companion.flight.landing.zone_choice import must_be_confirmed
 from slz import PointState, SurfaceHere, SurfaceKind
 
-REFUSED_NS = 2 * SECOND  # called unsafe by every report
+REFUSED_NS = 3 * SECOND  # called unsafe by every report: rays contradict an echo of clutter sooner
 STEADY_NS = 2 * SECOND  # point safe before the descent
 UNSEEN_NS = 30 * SECOND  # over a point that stays unknown
 WATER_NS = 5 * SECOND  # over a point that stays unknown because it may be water, after the look from aside
@@ -130,7 +130,7 @@ class Approach:
         return commands
 
     def _is_refused(self, s: Situation, judged: PointState) -> bool:
-        """Return whether all reports of two seconds call the point unsafe.
+        """Return whether all reports of three seconds call the point unsafe.
 
         From high above it a few returns may err, and later rays prove it within seconds.
         """

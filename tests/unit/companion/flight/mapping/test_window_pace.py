@@ -2,23 +2,42 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import pytest
 
 import params
-from companion.flight.mapping.window_pace import SHARE, WindowPace
+from companion.flight.mapping.window_pace import LEAST, SHARE, WindowPace
 
 
-def paced(fixed_s: float, per_s: float, *own: str, longest_s: float = 2.0, n: int = 200) -> WindowPace:
+def paced(
+    fixed_s: float,
+    per_s: float,
+    *own: str,
+    longest_s: float = 2.0,
+    n: int = 200,
+    alone: Callable[[float], float] = lambda _: 0.0,
+) -> WindowPace:
     """The pace after windows that take so long to compute, whatever they hold, and for each second of it."""
     pace = WindowPace(params.load("quadcopter", list(own)))
     for _ in range(n):
-        pace.follow(fixed_s + per_s * pace.window_s, longest_s)
+        pace.follow(fixed_s + per_s * pace.window_s, longest_s, alone(pace.window_s))
     return pace
 
 
 @pytest.mark.parametrize("window_s", [0.1, 1.0])
 def test_a_computer_that_is_fast_enough_makes_windows_as_short_as_wanted(window_s: float) -> None:
-    assert paced(0.02, 0.05, f"window_s={window_s}").window_s == window_s
+    pace = paced(0.002, 0.05, f"window_s={window_s}")
+    assert pace.window_s == pytest.approx(LEAST * window_s)
+
+
+@pytest.mark.parametrize(("dense_s", "expected_s"), [(0.01, 0.1), (0.4, 0.4), (7.0, 1.0)])
+def test_windows_are_so_long_that_half_of_the_returns_have_others_near(
+    dense_s: float, expected_s: float
+) -> None:
+    """Up to the parameter: a sensor of few returns has none near even then."""
+    pace = paced(0.002, 0.05, alone=lambda span_s: 1 / (1 + span_s / dense_s))
+    assert pace.window_s == pytest.approx(expected_s, rel=0.02)
 
 
 @pytest.mark.parametrize(("fixed_s", "per_s"), [(0.6, 0.0), (0.5, 0.1), (0.3, 0.2)])
