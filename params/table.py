@@ -69,7 +69,7 @@ class Parameters(BaseModel):
             "SLZ_WINDOW_S",
             "s",
             PAPER,
-            "Time span of returns judged together; in flight windows are a tenth of it, longer on slow computers.",
+            "Time span of returns judged together; a window in flight is a tenth, longer on slow computers.",
         ),
     ] = 1.0
     zone_m: Annotated[
