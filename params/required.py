@@ -4,8 +4,8 @@
 VALUE type`` separated by tabs. The comment lines before a parameter give the reason. ``#: accept A B`` or
 ``#: accept LOW..HIGH`` lists other valid values, ``#: wanted`` marks a recommendation, ``#: critical`` a
 parameter without which an automatic landing is refused, ``#: optional`` a parameter that some versions do not
-have: ground stations and autopilots skip it there. The files `autopilot/arducopter_odometry.parm` and
-`autopilot/px4_odometry.params` hold what the LiDAR odometry adds.
+have: ground stations and autopilots skip it there. Files whose names end in `_odometry` hold what the LiDAR
+odometry adds.
 """
 
 from __future__ import annotations
@@ -16,9 +16,6 @@ from dataclasses import dataclass
 from importlib import resources
 from typing import Literal
 
-FILES: dict[str, str] = {"ardupilot": "arducopter.parm", "px4": "px4.params"}
-# What the LiDAR odometry needs besides, where it is sent to the autopilot.
-ODOMETRY_FILES: dict[str, str] = {"ardupilot": "arducopter_odometry.parm", "px4": "px4_odometry.params"}
 # Values pass through 32-bit floats on the link.
 TOLERANCE = 1e-5
 RULES = ("accept", "wanted", "critical", "optional")
@@ -66,21 +63,11 @@ class Required:
         return (value for value in self.accepted if not isinstance(value, tuple))
 
 
-def required(autopilot: str, odometry: bool = False) -> tuple[Required, ...]:
-    """Return the required parameters of an autopilot ('ardupilot' or 'px4'); empty for an unknown one.
-
-    odometry: whether the LiDAR odometry is sent to the autopilot; its file then wins over the general one.
-    """
-    if autopilot not in FILES:
-        return ()
-    rows = {row.name: row for row in _file(FILES[autopilot])}
-    if odometry:
-        rows |= {row.name: row for row in _file(ODOMETRY_FILES[autopilot])}
-    return tuple(rows.values())
-
-
-def _file(name: str) -> tuple[Required, ...]:
-    return parse(resources.files("params").joinpath(f"autopilot/{name}").read_text("utf-8"))
+def required(*files: str) -> tuple[Required, ...]:
+    """Return the required parameters of files in `autopilot`; of one that two name, the later wins."""
+    folder = resources.files("params").joinpath("autopilot")
+    found = (row for file in files for row in parse(folder.joinpath(file).read_text("utf-8")))
+    return tuple({row.name: row for row in found}.values())
 
 
 def parse(text: str) -> tuple[Required, ...]:

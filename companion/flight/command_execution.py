@@ -22,8 +22,6 @@ from params import Parameters
 
 log = logging.getLogger(__name__)
 
-OPEN_STEP_NS = 200_000_000
-
 
 class CommandExecution:
     """Sends what the executive commands.
@@ -63,7 +61,7 @@ class CommandExecution:
     def execute(self, commands: VehicleCommands, situation: Situation) -> None:
         """Carry out the commands of this moment; a vehicle that must not be commanded gets texts alone.
 
-        Not even the signal that lets PX4 into its offboard mode, which a fixed wing enters and flies on.
+        Not even the signal that keeps the guided mode open, which a fixed wing enters and flies on.
         """
         self._link.note_lasting(commands.lasting)
         for severity, text in commands.texts:
@@ -85,7 +83,7 @@ class CommandExecution:
             velocity = self.sent_enu_ms = self._limit_velocity(commands.velocity_enu_ms, situation)
             self._link.send(velocity_setpoint(vehicle, velocity, commands.yaw_rad))
             self._commanders.on_setpoint(velocity, situation.now_ns)
-        elif self._must_keep_offboard_open(situation) and (signal := offboard_signal(vehicle)) is not None:
+        elif self._must_keep_guided_open(situation) and (signal := offboard_signal(vehicle)) is not None:
             self._link.send(signal)
             self._commanders.on_setpoint(STOPPED, situation.now_ns, idle=True)
         self._streams.target_enu_m = commands.target_enu_m
@@ -96,18 +94,18 @@ class CommandExecution:
             return
         self._link.send(velocity_setpoint(self._link.vehicle, np.zeros(3), None))
 
-    def _must_keep_offboard_open(self, situation: Situation) -> bool:
-        """Tell whether a signal is due, without which PX4 does not enter or keep its offboard mode.
+    def _must_keep_guided_open(self, situation: Situation) -> bool:
+        """Tell whether a signal is due, without which the autopilot does not enter or keep the guided mode.
 
         In that mode it would brake a vehicle that follows another's setpoints.
         """
-        px4, flying = self._link.vehicle.autopilot == "px4", situation.armed and situation.on_ground is False
-        if self._commanders.is_foreign:
+        interval_ns, flying = self._link.vehicle.autopilot.open_signal_ns, situation.on_ground is False
+        if self._commanders.is_foreign or interval_ns is None or not (situation.armed and flying):
             return False
-        due = situation.now_ns - self._last_open_ns >= OPEN_STEP_NS
-        if px4 and flying and due:
+        due = situation.now_ns - self._last_open_ns >= interval_ns
+        if due:
             self._last_open_ns = situation.now_ns
-        return px4 and flying and due
+        return due
 
     def _limit_velocity(
         self, velocity_enu_ms: NDArray[np.float64], situation: Situation

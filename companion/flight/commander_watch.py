@@ -25,7 +25,6 @@ KEPT_NS = 4 * SECOND  # for which a setpoint may be reported: ArduPilot flies th
 SENDER_NS = 5 * SECOND  # between another's message and the target that it explains
 FOREIGN_VELOCITIES = 3  # within a second, of none that was ours: avoidance may change one for a moment
 OFF_MS = 0.4  # rounding, and the autopilot's shaping of a velocity
-BACKS_OFF_MS = 1.2  # ArduCopter: AVOID_BACKUP_SPD and AVOID_BACKZ_SPD, away from obstacles and fences
 POSITION = (
     mavlink.POSITION_TARGET_TYPEMASK_X_IGNORE
     | mavlink.POSITION_TARGET_TYPEMASK_Y_IGNORE
@@ -64,7 +63,7 @@ class CommanderWatch:
             link.subscribe(name, self._on_order, anyone=True)
 
     def on_setpoint(self, velocity_enu_ms: Floats, at_ns: int, *, idle: bool = False) -> None:
-        """Record a setpoint that was sent; idle: one that only keeps PX4's offboard mode open."""
+        """Record a setpoint that was sent; idle: one that only keeps the guided mode open."""
         if at_ns - self._last_ns > PAUSE_NS or (self._idle and not idle):
             self._begin()
         self._last_ns, self._idle = at_ns, idle
@@ -123,33 +122,35 @@ class CommanderWatch:
     def _explains(self, velocity_ned_ms: Floats) -> bool:
         """Return whether a target is a setpoint of ours, stopped, or limited by the autopilot.
 
-        ArduCopter's avoidance turns, shortens or reverses a velocity; PX4 shortens its level and its vertical
-        part, each for itself.
+        An avoidance that backs off turns, shortens or reverses a velocity; others shorten its level and its
+        vertical part, each for itself.
         """
         ours = np.array([sent for _, sent in self._ours])
-        if self._link.vehicle.autopilot == "ardupilot":
-            most_ms = float(np.linalg.norm(ours, axis=1).max(initial=0.0)) + BACKS_OFF_MS
+        backs_off_ms = self._link.vehicle.autopilot.backs_off_ms
+        if backs_off_ms is not None:
+            most_ms = float(np.linalg.norm(ours, axis=1).max(initial=0.0)) + backs_off_ms
             return float(np.linalg.norm(velocity_ned_ms)) <= most_ms
         off = np.stack([_off(velocity_ned_ms[axes], ours[:, axes]) for axes in (slice(0, 2), slice(2, 3))])
         return bool(off.max(axis=0).min() <= OFF_MS)
 
     def _on_place(self, message: Any, at_ns: int) -> None:
-        """Use ArduPilot's global target, which it sends in its guided mode for positions alone.
+        """Use the global target of an autopilot that sends it in its guided mode for positions alone.
 
-        PX4 sends the point of its navigator, followed or not.
+        Others send the point of their navigator, followed or not.
         """
-        if self._link.vehicle.autopilot == "ardupilot" and self._is_ours_known:
+        if self._link.vehicle.autopilot.reports_guided_points and self._is_ours_known:
             known_ms = self._reported_boot_ms or 0
             self._foreign = self._foreign or boot_step_ms(known_ms, message.time_boot_ms) > 0
 
     def _on_course(self, message: Any, at_ns: int) -> None:
-        """Use ArduPilot's distance to a point, which is zero while it follows a velocity."""
-        if self._link.vehicle.autopilot == "ardupilot" and self._is_ours_known and message.wp_dist > 0:
+        """Use the distance to a point, which is zero while such an autopilot follows a velocity."""
+        reports = self._link.vehicle.autopilot.reports_guided_points
+        if reports and self._is_ours_known and message.wp_dist > 0:
             self._foreign_ns.append(at_ns)
             self._foreign = self._foreign or len(self._foreign_ns) == FOREIGN_VELOCITIES
 
     def _on_order(self, message: Any, at_ns: int) -> None:
-        """Remember who else sent the vehicle a target; ArduPilot obeys "fly to here" in its guided mode."""
+        """Remember who else sent the vehicle a target; some obey "fly to here" in their guided mode."""
         link, sender = self._link, (message.get_srcSystem(), message.get_srcComponent())
         repositions = getattr(message, "command", None) == mavlink.MAV_CMD_DO_REPOSITION
         is_target = repositions or message.get_type() in SETPOINTS
@@ -158,7 +159,7 @@ class CommanderWatch:
         if message.target_system not in (0, link.vehicle.sysid):
             return
         self._sender = at_ns, f"{sender[0]}/{sender[1]}"
-        obeyed = link.vehicle.autopilot == "ardupilot" or not repositions
+        obeyed = link.vehicle.autopilot.obeys_reposition or not repositions
         self._foreign = self._foreign or (obeyed and self._is_ours_known)
 
 

@@ -7,7 +7,6 @@ import logging
 
 from companion.flight.landing.executive import Executive
 from companion.flight.landing.situation import COMMANDING, Phase, Severity, Situation
-from companion.flight.link.flight_modes import GUIDED, PRECISION_LANDING
 from companion.flight.link.link import Link
 from companion.runtime.clock import now_ns
 
@@ -33,7 +32,8 @@ class ModeRequests:
         if pending and kind == self._wanted:
             return
         self._wanted = kind
-        mode = {"guided": GUIDED, "land": PRECISION_LANDING}[kind].get(self._link.vehicle.autopilot)
+        autopilot = self._link.vehicle.autopilot
+        mode = autopilot.guided_mode if kind == "guided" else autopilot.landing_mode
         if mode is not None:
             self._task = asyncio.create_task(self._set_mode(mode), name="set-mode")
 

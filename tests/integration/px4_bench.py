@@ -8,8 +8,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.wire.current_mode import CURRENT_MODE, MAVLink_current_mode_message
-from params import required
 from tests.integration.link_bench import Autopilot
 
 LOITER, OFFBOARD = 4 << 16 | 3 << 24, 6 << 16
@@ -25,7 +25,7 @@ FENCE = {"GF_MAX_HOR_DIST": 0.0, "GF_MAX_VER_DIST": 0.0}  # none
 
 def good_values() -> dict[str, float]:
     """Return what our parameter file sets in this version, by name."""
-    return {row.name: row.value for row in required("px4") if row.name not in LATER}
+    return {row.name: row.value for row in PX4.required() if row.name not in LATER}
 
 
 @dataclass
@@ -101,7 +101,7 @@ class Px4(Autopilot):
         values = FENCE | self.values
         if name not in values:
             return
-        whole = next((row.integer for row in required("px4") if row.name == name), None)
+        whole = next((row.integer for row in PX4.required() if row.name == name), None)
         value, kind = values[name], mavlink.MAV_PARAM_TYPE_REAL32
         if whole:
             value = struct.unpack("<f", struct.pack("<i", int(value)))[0]

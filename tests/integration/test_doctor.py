@@ -12,6 +12,7 @@ import params
 from companion.flight.doctor import examination
 from companion.flight.doctor.examination import Examination
 from companion.flight.doctor.finding import Finding, healthy
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
 from companion.flight.link.wire.signing import Signing
 from companion.runtime.lockstep_loop import LockstepLoop
 from sitl import faults
@@ -62,7 +63,7 @@ def test_a_vehicle_set_up_for_us_is_healthy() -> None:
     assert healthy(findings), [finding for finding in findings if finding.state != "ok"]
     checks = {finding.check for finding in findings}
     assert {"autopilot", "rate of ATTITUDE_QUATERNION", "residual of the clocks", "PLND_TYPE"} <= checks
-    files = {row.name for row in params.required("ardupilot")}
+    files = {row.name for row in ARDUPILOT.required()}
     others = {
         "LAND_SPD_MS",
         "LAND_ALT_LOW_M",

@@ -12,6 +12,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.doctor.autopilot_fitness import Fitness
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
 from companion.flight.link.command_server import CommandReply, OperatorCommand
 from companion.flight.link.link import Link
 from companion.flight.link.message_rates import wanted
@@ -34,7 +35,7 @@ from tests.ports import free_port
 
 USER, DO_SET_MODE = mavlink.MAV_CMD_USER_1, mavlink.MAV_CMD_DO_SET_MODE
 MS = 1_000_000
-ALL_STREAMS = len(wanted("ardupilot", 50.0))
+ALL_STREAMS = len(wanted(ARDUPILOT, 50.0))
 
 
 def test_the_vehicle_is_found_and_its_pose_flows_at_the_rate_asked_for() -> None:
@@ -45,7 +46,7 @@ def test_the_vehicle_is_found_and_its_pose_flows_at_the_rate_asked_for() -> None
             await asyncio.sleep(10)
             statistics = link.statistics()
             vehicle = link.vehicle
-            assert (vehicle.sysid, vehicle.autopilot, vehicle.mode) == (7, "ardupilot", "LOITER")
+            assert (vehicle.sysid, vehicle.autopilot, vehicle.mode) == (7, ARDUPILOT, "LOITER")
             assert statistics.rates_hz["ATTITUDE_QUATERNION"] == pytest.approx(50, abs=3)
             assert statistics.rates_hz["GLOBAL_POSITION_INT"] == pytest.approx(50, abs=3)
             assert vehicle.landed == "in_air"

@@ -16,6 +16,7 @@ from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.axes import rotation_enu_from_frd
 from companion.flight.geometry.sensor_mount import Mount
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.outputs.external_position.odometry_message import (
     clock_message,
@@ -42,7 +43,7 @@ from tests.unit.sitl.bench_flight import ORIGIN, Bench
 Floats = NDArray[np.float64]
 World = Callable[[np.random.Generator], Floats]
 FRAME = LocalFrame(*ORIGIN)
-VEHICLE = VehicleState(sysid=1, autopilot="ardupilot")
+VEHICLE = VehicleState(sysid=1, autopilot=ARDUPILOT)
 AIDING = EXTERNAL | {"VISO_DELAY_MS": 200.0, "VISO_POS_M_NSE": 0.1, "EK3_SRC2_YAW": 1.0}
 STEP_S, SCAN_NS = 0.025, 50_000_000
 SCANNED_FROM_M = 2.0

@@ -265,7 +265,7 @@ def health(flight: FlightView) -> dict[str, Any]:
     recorder = flight.recordings.recorder
     return {
         "ready": flight.link.ready,
-        "autopilot": flight.link.vehicle.autopilot,
+        "autopilot": flight.link.vehicle.autopilot.name,
         "rates_hz": {name: round(rate, 1) for name, rate in link.rates_hz.items()},
         "missing": list(link.missing),
         "link_lost": link.lost,

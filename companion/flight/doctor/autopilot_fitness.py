@@ -13,11 +13,10 @@ from companion.flight.doctor.parameter_check import ABSENT, UNREAD, parameter_fi
 from companion.flight.landing.situation import Severity
 from companion.flight.link.link import Link
 from companion.flight.link.parameter_reader import ParameterReader, parameter_request
-from companion.flight.link.vehicle_class import PLANE_PARAMETER
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.services.fence_reader import FenceReader
 from companion.runtime.clock import now_ns
-from params import Required, required
+from params import Required
 
 log = logging.getLogger(__name__)
 
@@ -63,7 +62,7 @@ class Fitness:
         self._reader: ParameterReader | None = None
         self._read = False  # all read or tried often enough: `faults` is up to date
         self._read_once = False
-        self._asks_class = False  # once in a reading: a copter answers nothing
+        self._class_parameter: str | None = None  # asked once in a reading: a copter answers nothing
         self._handed_over = False  # this reading was caused by a hand-over, not by a retry
         self._ended_ns = 0
         self._before: tuple[tuple[object, ...], tuple[bool, ...]] | None = None
@@ -133,9 +132,9 @@ class Fitness:
         if self._reader is None or vehicle.sysid is None or not connected:
             return []
         due = self._reader.due(vehicle.sysid, now)
-        if self._asks_class:
-            self._asks_class = False
-            due.append(parameter_request(vehicle.sysid, PLANE_PARAMETER))
+        if self._class_parameter is not None:
+            due.append(parameter_request(vehicle.sysid, self._class_parameter))
+            self._class_parameter = None
         if not self._read and self._reader.settled and not self._awaited():
             self._read, self._ended_ns = True, now
             self._judge()
@@ -204,11 +203,11 @@ class Fitness:
         self._firmware = firmware
         rows = (
             replace(row, optional=row.optional and row.name not in self._had)
-            for row in required(vehicle.autopilot, self._odometry())
+            for row in vehicle.autopilot.required(self._odometry())
         )
         self._rows = tuple(sorted(rows, key=lambda row: (row.optional, not row.critical)))
         self._reader = ParameterReader(self._rows, vehicle.autopilot)
-        self._asks_class = vehicle.autopilot == "ardupilot" and not vehicle.is_plane
+        self._class_parameter = None if vehicle.is_plane else vehicle.autopilot.plane_parameter
         self._read = False
 
     def _awaited(self) -> bool:

@@ -29,7 +29,7 @@ from companion.flight.link.wire.signing import Signing
 from companion.flight.sensors.lidar_url import Lidar, open_lidar
 from companion.flight.services.fence_reader import FenceReader
 from companion.runtime.clock import now_ns
-from params import Parameters, airworthy, required
+from params import Parameters, airworthy
 
 log = logging.getLogger(__name__)
 
@@ -141,7 +141,7 @@ class Examination:
 
     async def _parameters(self, link: Link) -> list[Finding]:
         vehicle = link.vehicle
-        rows = required(vehicle.autopilot, self.parameters.odometry == "autopilot")
+        rows = vehicle.autopilot.required(self.parameters.odometry == "autopilot")
         if vehicle.sysid is None:
             return [Finding("parameters", "skipped", "no autopilot to ask")]
         if link.key_mismatch is not None:
@@ -165,7 +165,7 @@ class Examination:
     async def _fence(self, link: Link) -> list[Finding]:
         """Read the fence once."""
         vehicle, reader = link.vehicle, FenceReader()
-        if vehicle.sysid is None or vehicle.autopilot == "other" or link.key_mismatch is not None:
+        if vehicle.sysid is None or vehicle.autopilot.fence is None or link.key_mismatch is not None:
             return []
         system, us = vehicle.sysid, (link.system_id, link.component_id)
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from companion.flight.doctor.finding import Finding, judged
+from companion.flight.link.autopilots.autopilot_interface import Stream
+from companion.flight.link.autopilots.autopilot_registry import registered_autopilots
 from companion.flight.link.link_statistics import LinkStatistics
-from companion.flight.link.message_rates import Stream
 from companion.flight.link.vehicle_class import type_name
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.link.wire.key_mismatch import KeyMismatch
@@ -29,15 +30,14 @@ def link_findings(
     """Judge the link; `streams` are the messages that should arrive from a vehicle that hears us."""
     if vehicle.sysid is None:
         return [_silence(url, statistics) if key_mismatch is None else _signing(key_mismatch)]
-    known = vehicle.autopilot in ("ardupilot", "px4")
-    name = {"ardupilot": "ArduPilot", "px4": "PX4"}.get(vehicle.autopilot, "unknown")
+    autopilot, known = vehicle.autopilot, registered_autopilots()
     found = [
         judged(
             "autopilot",
-            known,
-            f"{name}, system {vehicle.sysid}, mode {vehicle.mode}",
-            "ArduPilot or PX4",
-            "connect a vehicle with ArduCopter or PX4",
+            autopilot in known,
+            f"{autopilot.title}, system {vehicle.sysid}, mode {vehicle.mode}",
+            " or ".join(each.title for each in known),
+            f"connect a vehicle with {' or '.join(each.firmware for each in known)}",
         ),
         _class(vehicle),
     ]

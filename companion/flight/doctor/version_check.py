@@ -5,14 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from companion.flight.doctor.finding import Finding
-from companion.flight.link.flight_modes import Autopilot
+from companion.flight.link.autopilots.autopilot_interface import Autopilot
 
 # FIRMWARE_VERSION_TYPE, the lowest byte of flight_sw_version: lower bound of each kind.
 _KINDS = ((255, "release"), (192, "release candidate"), (128, "beta"), (64, "alpha"), (0, "development"))
-NAMES: dict[str, str] = {"ardupilot": "ArduPilot", "px4": "PX4"}
-# Oldest version of the parameter files, and newest version whose source code was read.
-OLDEST: dict[str, tuple[int, int]] = {"ardupilot": (4, 5), "px4": (1, 14)}
-NEWEST: dict[str, tuple[int, int]] = {"ardupilot": (4, 7), "px4": (1, 18)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,20 +32,19 @@ class Version:
 
 def version_finding(autopilot: Autopilot, version: Version | None) -> Finding:
     """Judge the version; None if the autopilot did not report it."""
-    name = NAMES.get(autopilot)
-    if name is None:
+    if autopilot.versions is None:
         return Finding("firmware", "skipped", "no autopilot that is known")
-    (old_major, old_minor), (new_major, new_minor) = OLDEST[autopilot], NEWEST[autopilot]
-    needed = f"{old_major}.{old_minor} to {new_major}.{new_minor}"
+    name, (oldest, newest) = autopilot.title, autopilot.versions
+    needed = "{}.{} to {}.{}".format(*oldest, *newest)
     if version is None:
         remedy = "AUTOPILOT_VERSION was not answered: look at docs/hardware.md for what differs by version"
         return Finding("firmware", "warn", f"{name}, version not told", needed, remedy)
     found = f"{name} {version}"
-    if (version.major, version.minor) < OLDEST[autopilot]:
+    if (version.major, version.minor) < oldest:
         return Finding(
             "firmware", "warn", found, needed, "update it: slz was not written for so old a version"
         )
-    if (version.major, version.minor) > NEWEST[autopilot]:
+    if (version.major, version.minor) > newest:
         remedy = "slz was not tried with so new a version: fly it in simulation first (docs/quickstart.md)"
         return Finding("firmware", "warn", found, needed, remedy)
     return Finding("firmware", "ok", found, needed)

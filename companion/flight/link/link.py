@@ -10,15 +10,15 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.flight.link.autopilots.autopilot_interface import Stream
 from companion.flight.link.clock.autopilot_clock import AutopilotClock
 from companion.flight.link.clock.timesync import TimeSync
 from companion.flight.link.command import Command, CommandResult
 from companion.flight.link.command_server import CommandServer, Handler
 from companion.flight.link.commander import Commander
-from companion.flight.link.flight_modes import mode_parameters
 from companion.flight.link.inbox import Inbox
 from companion.flight.link.link_statistics import LinkStatistics, RateMeter, quantile_ms
-from companion.flight.link.message_rates import Stream, StreamKeeper, wanted
+from companion.flight.link.message_rates import StreamKeeper, wanted
 from companion.flight.link.old_messages import OldMessageWatch
 from companion.flight.link.position_fix import PATIENCE_NS, PositionGate
 from companion.flight.link.statustext import statustext
@@ -287,7 +287,7 @@ class Link:
     async def set_mode(self, name: str, timeout_s: float = 1.5, tries: int = 3) -> CommandResult:
         """Request a flight mode by name and wait until the vehicle reports it."""
         command_id = mavlink.MAV_CMD_DO_SET_MODE
-        numbers = mode_parameters(self.vehicle.autopilot, self.vehicle.vehicle_type, name)
+        numbers = self.vehicle.autopilot.mode_parameters(self.vehicle.vehicle_type, name)
         if numbers is None:
             return CommandResult(command_id, "unsupported")
         custom = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)

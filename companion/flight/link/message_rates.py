@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.link.flight_modes import Autopilot
-from companion.flight.link.wire.current_mode import CURRENT_MODE
+from companion.flight.link.autopilots.autopilot_interface import Autopilot, Stream
 
 # A stream silent for longer than this, or than three of its periods, is requested again, at growing
 # intervals, because an autopilot without a battery monitor never sends its status.
@@ -17,84 +14,33 @@ SPAN_NS = 4_000_000_000
 LONGEST_PAUSE_NS = 30_000_000_000
 
 
-# PX4 sends its mode on change, and otherwise at this rate, whatever was requested.
-PX4_MODE_HZ = 2.0
-PX4_HEARTBEAT_HZ = 1.0
-
-
-@dataclass(frozen=True, slots=True)
-class Stream:
-    """Message and its requested rate.
-
-    needed: False for a message that some autopilots never send; if refused, it is not requested again.
-    steady_hz: highest rate that arrives if the message is sent on change; None means `rate_hz`.
-    """
-
-    name: str
-    message_id: int
-    rate_hz: float
-    needed: bool = True
-    steady_hz: float | None = None
-
-    @property
-    def arrives_hz(self) -> float:
-        """Rate on a healthy link."""
-        return self.rate_hz if self.steady_hz is None else self.steady_hz
-
-    @property
-    def interval_us(self) -> int:
-        return round(1e6 / self.rate_hz)
-
-
 def wanted(autopilot: Autopilot, pose_rate_hz: float, odometry: bool = False) -> tuple[Stream, ...]:
     """Return the streams to request from an autopilot, the most needed first.
 
     odometry: whether the LiDAR odometry is sent to it, relative to its local origin.
     """
-    px4 = autopilot == "px4"
     streams = [
         Stream("ATTITUDE_QUATERNION", mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, pose_rate_hz),
         Stream("GLOBAL_POSITION_INT", mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT, pose_rate_hz),
         Stream("EXTENDED_SYS_STATE", mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
-        _PX4_MODE if px4 else _MODE,
+        autopilot.mode_stream,
         Stream("HOME_POSITION", mavlink.MAVLINK_MSG_ID_HOME_POSITION, 1.0),
         Stream("GPS_RAW_INT", mavlink.MAVLINK_MSG_ID_GPS_RAW_INT, 2.0),  # without a fix, no map begins
         Stream("GPS2_RAW", mavlink.MAVLINK_MSG_ID_GPS2_RAW, 2.0, needed=False),  # of a second receiver
         Stream("SYS_STATUS", mavlink.MAVLINK_MSG_ID_SYS_STATUS, 1.0),
         Stream("BATTERY_STATUS", mavlink.MAVLINK_MSG_ID_BATTERY_STATUS, 1.0),
     ]
-    if px4 or odometry:  # PX4's landing target and the odometry use its local frame
-        # ArduPilot does not send it before its estimator has an origin.
-        local = Stream("LOCAL_POSITION_NED", mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, 10.0, needed=px4)
-        streams.insert(3, local)
-    return (*streams, _TARGET, *_health(autopilot))
-
-
-def _health(autopilot: Autopilot) -> tuple[Stream, ...]:
-    """Return the streams of estimator, sticks, fence and wind that the autopilot has."""
-    wind = Stream("WIND", mavlink.MAVLINK_MSG_ID_WIND, 2.0, needed=False)  # where it estimates one
-    sticks = Stream("RC_CHANNELS", mavlink.MAVLINK_MSG_ID_RC_CHANNELS, 5.0, needed=False)
-    if autopilot == "px4":
-        return (
-            Stream("ESTIMATOR_STATUS", mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS, 5.0, needed=False),
-            Stream("MANUAL_CONTROL", mavlink.MAVLINK_MSG_ID_MANUAL_CONTROL, 5.0, needed=False),
-            sticks,
-            Stream("WIND_COV", mavlink.MAVLINK_MSG_ID_WIND_COV, 2.0, needed=False),
-        )
-    return (
-        Stream("EKF_STATUS_REPORT", mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT, 5.0, needed=False),
-        sticks,
-        Stream("FENCE_STATUS", mavlink.MAVLINK_MSG_ID_FENCE_STATUS, 2.0, needed=False),
-        wind,
-    )
+    if autopilot.needs_local_position or odometry:
+        # For the odometry alone it is not needed: ArduPilot sends none before its estimator has an origin.
+        needed, number = autopilot.needs_local_position, mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
+        streams.insert(3, Stream("LOCAL_POSITION_NED", number, 10.0, needed=needed))
+    return (*streams, _TARGET, *autopilot.own_streams)
 
 
 def expected(autopilot: Autopilot, pose_rate_hz: float, odometry: bool = False) -> tuple[Stream, ...]:
-    """Return the streams that should arrive: the requested ones, and PX4's heartbeat of fixed rate."""
+    """Return the streams that should arrive: the requested ones, and the heartbeat even if it is not."""
     asked = wanted(autopilot, pose_rate_hz, odometry)
-    if any(stream.name == _MODE.name for stream in asked):
-        return asked
-    return (*asked, Stream("HEARTBEAT", mavlink.MAVLINK_MSG_ID_HEARTBEAT, PX4_HEARTBEAT_HZ))
+    return asked if autopilot.mode_stream.name == _HEARTBEAT.name else (*asked, _HEARTBEAT)
 
 
 # As often as our setpoints: what another sender asks in between is flown until the next of ours. ArduPilot
@@ -102,8 +48,7 @@ def expected(autopilot: Autopilot, pose_rate_hz: float, odometry: bool = False) 
 _TARGET = Stream(
     "POSITION_TARGET_LOCAL_NED", mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 20.0, needed=False
 )
-_MODE = Stream("HEARTBEAT", mavlink.MAVLINK_MSG_ID_HEARTBEAT, 5.0)
-_PX4_MODE = Stream("CURRENT_MODE", CURRENT_MODE, 5.0, needed=False, steady_hz=PX4_MODE_HZ)
+_HEARTBEAT = Stream("HEARTBEAT", mavlink.MAVLINK_MSG_ID_HEARTBEAT, 1.0)  # the rate without a request
 
 
 class StreamKeeper:

@@ -20,7 +20,6 @@ from companion.runtime.clock import now_ns
 log = logging.getLogger(__name__)
 
 GPS, LIDAR = 1, 2
-EXTERNAL_NAV, MAVLINK_ODOMETRY = 6.0, 1.0
 # A receiver that has just found its satellites again may lose them, or err by metres at first.
 GPS_GOOD_NS = 5_000_000_000
 # The same while the LiDAR gives no position either.
@@ -171,9 +170,6 @@ class NavigationSource:
 
 
 def can_switch(vehicle: VehicleState, parameters: Mapping[str, float]) -> bool:
-    """Return whether the autopilot is an ArduPilot whose second source set is the odometry."""
-    return (
-        vehicle.autopilot == "ardupilot"
-        and parameters.get("VISO_TYPE") == MAVLINK_ODOMETRY
-        and parameters.get("EK3_SRC2_POSXY") == EXTERNAL_NAV
-    )
+    """Return whether the autopilot needs the switch, and its second source set is the odometry."""
+    source = vehicle.autopilot.second_source
+    return bool(source) and all(parameters.get(name) == value for name, value in source.items())

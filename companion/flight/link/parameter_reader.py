@@ -8,6 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.flight.link.autopilots.autopilot_interface import Autopilot
 from params import Required
 
 TRIES = 4
@@ -25,7 +26,7 @@ _BYTES = {
 
 
 def parameter_value(message: Any, bytewise: bool) -> float:
-    """Return the value of a PARAM_VALUE; bytewise: integers are sent by their bytes, as PX4 does."""
+    """Return the value of a PARAM_VALUE; bytewise: integers are sent by their bytes."""
     if bytewise and message.param_type in _BYTES:
         raw = struct.pack("<f", message.param_value)
         return float(struct.unpack(_BYTES[message.param_type], raw)[0])
@@ -50,9 +51,9 @@ class ParameterReader:
         Names that the autopilot does not have, according to PARAM_ERROR (sent by newer versions).
     """
 
-    def __init__(self, rows: tuple[Required, ...], autopilot: str) -> None:
+    def __init__(self, rows: tuple[Required, ...], autopilot: Autopilot) -> None:
         self._rows = rows
-        self._bytewise = autopilot == "px4"
+        self._bytewise = autopilot.bytewise_parameters
         self._asked: dict[str, tuple[int, int]] = {}  # name -> requests, time of the last one
         self.values: dict[str, float] = {}
         self.absent: set[str] = set()

@@ -11,24 +11,18 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.link import autopilot_health as health
 from companion.flight.link.autopilot_health import FAILSAFE_STATES, Health
+from companion.flight.link.autopilots.autopilot_interface import UNKNOWN, Autopilot
+from companion.flight.link.autopilots.autopilot_registry import autopilot_of
 from companion.flight.link.clock.message_order import STAYS_MS, MessageOrder
-from companion.flight.link.flight_modes import GUIDED, PRECISION_LANDING, Autopilot, mode_name
 from companion.flight.link.position_fix import MESSAGES as FIX_MESSAGES
 from companion.flight.link.position_fix import PositionFix
-from companion.flight.link.vehicle_class import (
-    PLANE_PARAMETER,
-    VTOL_HOVERS,
-    VTOL_UNHEARD,
-    no_command_reason,
-)
+from companion.flight.link.vehicle_class import VTOL_HOVERS, VTOL_UNHEARD
 from companion.runtime.frozen_record import replaced
 
 Landed = Literal["unknown", "on_ground", "in_air", "takeoff", "landing"]
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
-OVERTAKEN_NS = {"px4": 200_000_000}  # in this time an autopilot sends fewer than 128 messages
-OVERTAKEN_DEFAULT_NS = 400_000_000
 # Height above home at which an armed vehicle certainly flies, if it does not report its landed state.
 AIRBORNE_M = 2.0
 MOST_ALT_MM = 100_000_000  # no aircraft flies so high: the number is none
@@ -65,7 +59,7 @@ class VehicleState:
         Whether the mode is not the one that its pilot chose. CURRENT_MODE reports this a second before the
         heartbeat reports a failsafe.
     is_plane
-        Whether the autopilot has a parameter that ArduPlane alone has.
+        Whether the autopilot has its `plane_parameter`.
     vtol_state, vtol_heard_ns
         MAV_VTOL_STATE, and its newest arrival.
     health
@@ -73,7 +67,7 @@ class VehicleState:
     """
 
     sysid: int | None = None
-    autopilot: Autopilot = "unknown"
+    autopilot: Autopilot = UNKNOWN
     vehicle_type: int = 0
     is_plane: bool = False
     armed: bool = False
@@ -122,12 +116,12 @@ class VehicleState:
     @property
     def guided(self) -> bool:
         """Whether the vehicle is in the mode that follows our setpoints."""
-        return self.mode == GUIDED.get(self.autopilot)
+        return self.mode == self.autopilot.guided_mode
 
     @property
     def landing(self) -> bool:
         """Whether the vehicle is in the mode that lands it at our target."""
-        return self.mode == PRECISION_LANDING.get(self.autopilot)
+        return self.mode == self.autopilot.landing_mode
 
     @property
     def no_command_reason(self) -> str:
@@ -139,7 +133,7 @@ class VehicleState:
             return ""
         late = self.last_heartbeat_ns - (self.vtol_heard_ns or 0) > VTOL_STATE_NS
         state = VTOL_UNHEARD if late and self.vtol_state == VTOL_HOVERS else self.vtol_state
-        return no_command_reason(self.autopilot, self.vehicle_type, state, is_plane=self.is_plane)
+        return self.autopilot.no_command_reason(self.vehicle_type, state, self.is_plane)
 
     @property
     def failsafe(self) -> bool:
@@ -211,15 +205,10 @@ def _restarted(state: VehicleState, order: MessageOrder) -> VehicleState:
 def _heartbeat(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
     if _overtaken(state.autopilot, m, state.heartbeat_seq, state.last_heartbeat_ns, now_ns):
         return state
-    autopilot: Autopilot = "other"
-    if m.autopilot == mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA:
-        autopilot = "ardupilot"
-    elif m.autopilot == mavlink.MAV_AUTOPILOT_PX4:
-        autopilot = "px4"
     heard = replaced(
         state,
         sysid=m.get_srcSystem(),
-        autopilot=autopilot,
+        autopilot=autopilot_of(m.autopilot),
         vehicle_type=m.type,
         armed=bool(m.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED),
         system_status=m.system_status,
@@ -242,7 +231,7 @@ def _mode(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
         return state
     return replaced(
         state,
-        mode=mode_name(state.autopilot, state.vehicle_type, m.custom_mode),
+        mode=state.autopilot.mode_name(state.vehicle_type, m.custom_mode),
         custom_mode=m.custom_mode,
         mode_heard_ns=now_ns,
         mode_seq=m.get_seq(),
@@ -252,10 +241,10 @@ def _mode(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
 def _overtaken(autopilot: Autopilot, m: Any, last_seq: int, last_ns: int | None, now_ns: int) -> bool:
     """Return whether a message was sent before the last one: it was delayed, or delivered twice.
 
-    Its old mode would look like a change by the pilot. After `OVERTAKEN_NS` the 8-bit sequence numbers carry
+    Its old mode would look like a change by the pilot. After `overtaken_ns` the 8-bit sequence numbers carry
     no order any more.
     """
-    if last_ns is None or now_ns - last_ns > OVERTAKEN_NS.get(autopilot, OVERTAKEN_DEFAULT_NS):
+    if last_ns is None or now_ns - last_ns > autopilot.overtaken_ns:
         return False
     return bool((m.get_seq() - last_seq) % 256 > 128)
 
@@ -269,7 +258,7 @@ def _extended_sys_state(state: VehicleState, m: Any, now_ns: int) -> VehicleStat
 
 
 def _parameter(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
-    is_told = state.autopilot == "ardupilot" and m.param_id.rstrip("\0") == PLANE_PARAMETER
+    is_told = m.param_id.rstrip("\0") == state.autopilot.plane_parameter
     return replaced(state, is_plane=True) if is_told and not state.is_plane else state
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from companion.flight.link.flight_modes import Autopilot
+from companion.flight.link.autopilots.autopilot_interface import Autopilot
 
 MESSAGES = ("WIND", "WIND_COV", "HIGH_LATENCY2")
 MOST_MS = (
@@ -22,9 +22,7 @@ def wind_velocity_ms(message: Any, autopilot: Autopilot) -> Velocity | None:
     """Return the velocity of the air towards east and north in one of `MESSAGES`; None if that is unknown.
 
     WIND holds the direction from which the wind blows, WIND_COV the velocity of the air. HIGH_LATENCY2 has
-    units of 2 degrees and 0.2 m/s; ArduPilot sends the direction from which it blows
-    (GCS_MAVLink_Plane.cpp), PX4 the one towards which it blows (HIGH_LATENCY2.hpp); a speed of zero is no
-    estimate.
+    units of 2 degrees and 0.2 m/s, and a direction as its autopilot means it; a speed of zero is no estimate.
 
     Raises
     ------
@@ -39,7 +37,7 @@ def wind_velocity_ms(message: Any, autopilot: Autopilot) -> Velocity | None:
                 return None
             return _plausible(message.wind_y, message.wind_x)
         case "HIGH_LATENCY2" if message.windspeed:
-            turn_deg = 180 if autopilot == "px4" else 0
+            turn_deg = 180 if autopilot.wind_heading_is_towards else 0
             return _from(2 * message.wind_heading + turn_deg, message.windspeed / 5)
     return None
 

@@ -41,7 +41,7 @@ def landing_target(
     Parameters
     ----------
     vehicle
-        Its autopilot determines the frame: LOCAL_NED for PX4, BODY_FRD for all others.
+        Its autopilot determines the frame.
     point_enu_m
         Landing point (3,) in the map frame, m.
     pose
@@ -49,7 +49,7 @@ def landing_target(
     now_ns
         Companion clock.
     frame
-        Map frame; without it, or while PX4's local origin is unknown, there is no message for PX4.
+        Map frame; without it, or while the local origin is unknown, there is no message in LOCAL_NED.
     correction
         From the autopilot's coordinates to those of the map, None for none.
     """
@@ -59,7 +59,7 @@ def landing_target(
     if not all(np.isfinite(a).all() for a in (point, pose.position_enu_m, pose.rotation_enu_from_frd)):
         return None
     body = body_frd_m(point, pose)
-    if vehicle.autopilot != "px4":
+    if vehicle.autopilot.landing_target_frame == mavlink.MAV_FRAME_BODY_FRD:
         body = _below(body, pose)
         return _message(mavlink.MAV_FRAME_BODY_FRD, body, body, now_ns)
     origin = None if frame is None else local_origin_enu_m(frame, vehicle)

@@ -164,8 +164,8 @@ class MessageSchedule:
         self._send("OBSTACLE_DISTANCE", message)
 
     def _send_points(self, pose: Pose, around: Nearby | None, low_m: float, reach_m: float) -> None:
-        """Send a batch of points to ArduPilot; distances must follow, because some versions forget them."""
-        if self._link.vehicle.autopilot != "ardupilot":
+        """Send a batch of points, if they are used; distances must follow: some versions forget them."""
+        if not self._link.vehicle.autopilot.takes_obstacle_points:
             return
         report = self._surroundings.report
         selected = None if report is None else report.selected

@@ -3,18 +3,15 @@
 Read when the autopilot is found, armed or put in the guided mode, when something of the fence changes, and
 each half minute. The fence of the last complete reading holds until the next one.
 
-ArduPilot (AC_Fence.cpp, AC_Avoid.cpp): a circle around home, a ceiling and a floor above home by FENCE_
-parameters, areas by items; velocities of the guided mode stop at FENCE_MARGIN without a word, and nothing
-refuses them. PX4 (geofence.cpp): GF_MAX_HOR_DIST and GF_MAX_VER_DIST from home, areas by items; GF_ACTION
-takes the mode at the boundary. Both: a point has to be in all areas of inclusion, on ArduPilot in any of them
-with FENCE_OPTIONS bit 1, and in none of exclusion. The point of return is no boundary.
+The parameters and their meaning are those of the autopilot's `FenceRules`. A point has to be in all areas of
+inclusion, or in any of them if the fence is their union, and in none of exclusion. The point of return is no
+boundary.
 """
 
 from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +20,7 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.geometry.geofence import NO_FENCE, Boundary, Geofence
+from companion.flight.link.autopilots.autopilot_interface import Autopilot, FenceLimits, FenceRules
 from companion.flight.link.mission_protocol import FENCE, FenceDownload, FenceItem
 from companion.flight.link.parameter_reader import ParameterReader, parameter_value
 from companion.flight.link.vehicle_state import VehicleState
@@ -31,20 +29,6 @@ from slz import LocalFrame
 
 log = logging.getLogger(__name__)
 
-# The first one tells whether the autopilot has a fence; those that some versions lack have a value without.
-NEEDED: dict[str, tuple[str, ...]] = {
-    "ardupilot": ("FENCE_ENABLE", "FENCE_TYPE", "FENCE_RADIUS", "FENCE_ALT_MAX", "FENCE_MARGIN"),
-    "px4": ("GF_ACTION", "GF_MAX_HOR_DIST", "GF_MAX_VER_DIST"),
-}
-VERSIONS: dict[str, dict[str, float]] = {
-    "ardupilot": {
-        "FENCE_ALT_MIN": -math.inf, "FENCE_AUTOENABLE": 0.0, "FENCE_MARGIN_XY": 0.0, "FENCE_OPTIONS": 0.0,
-        "FENCE_TOTAL": 0.0,
-    },
-    "px4": {},
-}  # fmt: skip
-CEILING, CIRCLE, AREAS, FLOOR = 1, 2, 4, 8  # bits of FENCE_TYPE
-UNION = 2  # bit of FENCE_OPTIONS
 OWN_MARGIN_M = 2.0  # beyond the autopilot's: overshoot of a stop, and wandering of the estimate
 EDGE_DEG, MOST_PARTS = 0.01, 100  # parts of an edge, which bend by centimetres
 AGAIN_NS, RETRY_NS = 30_000_000_000, 10_000_000_000
@@ -129,7 +113,7 @@ class FenceReader:
     """Reads the fence, and tells it in the map frame."""
 
     def __init__(self) -> None:
-        self._identity: tuple[object, ...] | None = None
+        self._identity: tuple[int | None, Autopilot, int] | None = None
         self._steps = (False, False)
         self._reader: ParameterReader | None = None
         self._download: FenceDownload | None = None
@@ -180,15 +164,16 @@ class FenceReader:
     ) -> list[Any]:
         """Return the requests to send now; quiet: no other transfer of the mission protocol is under way."""
         self._follow(vehicle, connected)
-        if vehicle.sysid is None or not connected or vehicle.autopilot not in NEEDED:
+        rules = vehicle.autopilot.fence
+        if vehicle.sysid is None or not connected or rules is None:
             return []
         if self._download is not None:
             out = self._download.poll(now_ns)
             self._finish(now_ns)
             return out
         if self._reader is None and self._is_due(now_ns):
-            rows = [*NEEDED[vehicle.autopilot], *VERSIONS[vehicle.autopilot]]
-            self._reader = ParameterReader(tuple(map(_row, rows)), vehicle.autopilot)
+            rows = tuple(map(_row, (*rules.needed, *rules.versions)))
+            self._reader = ParameterReader(rows, vehicle.autopilot)
             self._again_ns = None
         if self._reader is None:
             return []
@@ -204,7 +189,8 @@ class FenceReader:
             self._reader.on_message(message)
         elif message.get_type() == "PARAM_VALUE" and self._identity is not None:
             before = (self._values or {}).get(str(message.param_id).rstrip("\0"))
-            if before is not None and before != parameter_value(message, self._identity[1] == "px4"):
+            bytewise = self._identity[1].bytewise_parameters
+            if before is not None and before != parameter_value(message, bytewise):
                 self._due_ns = 0
 
     def on_mission(self, message: Any, now_ns: int, vehicle: int, us: tuple[int, int]) -> list[Any]:
@@ -224,6 +210,10 @@ class FenceReader:
 
     # ---- details --------------------------------------------------------------------------------
 
+    @property
+    def _rules(self) -> FenceRules | None:
+        return None if self._identity is None else self._identity[1].fence
+
     def _follow(self, vehicle: VehicleState, connected: bool) -> None:
         """Forget the fence of another vehicle, and read again at each hand-over."""
         identity = (vehicle.sysid, vehicle.autopilot, vehicle.reboots)
@@ -242,8 +232,8 @@ class FenceReader:
 
     def _finish(self, now_ns: int) -> None:
         """Use a finished download, with the parameters read before it."""
-        download, reader = self._download, self._reader
-        if download is None or reader is None or download.outcome is None or self._identity is None:
+        download, reader, rules = self._download, self._reader, self._rules
+        if download is None or reader is None or download.outcome is None or rules is None:
             return
         self._download = self._reader = None
         self._is_read = True
@@ -256,7 +246,7 @@ class FenceReader:
                 self._areas_known, fault = False, str(error)
         elif download.refusal in UNUSABLE:
             self._areas_known = False
-        values = self._complete(reader, has_none)
+        values = self._complete(reader, rules, has_none)
         if values is None:
             fault = fault or "parameters: no answer"
         else:
@@ -266,59 +256,47 @@ class FenceReader:
         self._fault = fault
         self._due_ns = now_ns + (RETRY_NS if fault else AGAIN_NS)
 
-    def _complete(self, reader: ParameterReader, has_none: bool) -> dict[str, float] | None:
+    def _complete(
+        self, reader: ParameterReader, rules: FenceRules, has_none: bool
+    ) -> dict[str, float] | None:
         """Return the values of a reading, empty for an autopilot without a fence; None if one is missing.
 
         One that some versions lack keeps its value of before while it is not answered.
         """
-        autopilot = "px4" if self._identity and self._identity[1] == "px4" else "ardupilot"
-        needed, versions = NEEDED[autopilot], VERSIONS[autopilot]
+        needed, versions = rules.needed, rules.versions
         if needed[0] in reader.absent or (has_none and needed[0] not in reader.values):
             return {}
         if any(name not in reader.values for name in needed):
             return None
         read = {name: reader.values[name] for name in (*needed, *versions) if name in reader.values}
-        return versions | (self._values or {}) | read
+        return {**versions, **(self._values or {}), **read}
 
     def _has_unread_areas(self, vehicle: VehicleState) -> bool:
-        values = self._values
-        if values is None:
+        if self._values is None:
             return True
-        if not values or not _is_on(values, vehicle):
-            return False
-        may_have = "GF_ACTION" in values or int(values["FENCE_TYPE"]) & AREAS
-        return bool(may_have) and not self._areas_known
+        limits = self._limits(vehicle)
+        return limits is not None and limits.has_areas and not self._areas_known
 
     def _known_part(self, vehicle: VehicleState) -> AutopilotFence | None:
-        values, areas = self._values, self._areas
-        if values is None:
+        if self._values is None:
             return None
-        if not values or not _is_on(values, vehicle):
+        limits = self._limits(vehicle)
+        if limits is None:
             return AutopilotFence()
-        if "GF_ACTION" in values:
-            radius_m, highest_m = values["GF_MAX_HOR_DIST"], values["GF_MAX_VER_DIST"]
-            return AutopilotFence(
-                radius_m=radius_m if radius_m > 0 else math.inf,
-                highest_m=highest_m - OWN_MARGIN_M if highest_m > 0 else math.inf,
-                areas=areas,
-            )
-        kinds, margin_m = int(values["FENCE_TYPE"]), max(0.0, values["FENCE_MARGIN"]) + OWN_MARGIN_M
-        level_m = max(0.0, values["FENCE_MARGIN_XY"])
+        height_margin_m = limits.height_margin_m + OWN_MARGIN_M
         return AutopilotFence(
-            radius_m=values["FENCE_RADIUS"] if kinds & CIRCLE else math.inf,
-            lowest_m=values["FENCE_ALT_MIN"] + margin_m if kinds & FLOOR else -math.inf,
-            highest_m=values["FENCE_ALT_MAX"] - margin_m if kinds & CEILING else math.inf,
-            margin_m=level_m + OWN_MARGIN_M if level_m else margin_m,
-            is_union=bool(int(values["FENCE_OPTIONS"]) & UNION),
-            areas=areas if kinds & AREAS else (),
+            radius_m=limits.radius_m,
+            lowest_m=limits.lowest_m + height_margin_m,
+            highest_m=limits.highest_m - height_margin_m,
+            margin_m=limits.margin_m + OWN_MARGIN_M,
+            is_union=limits.is_union,
+            areas=self._areas if limits.has_areas else (),
         )
 
-
-def _is_on(values: Mapping[str, float], vehicle: VehicleState) -> bool:
-    """Return whether the fence acts: by its parameters, or by a command or switch that enabled it."""
-    if "GF_ACTION" in values:
-        return values["GF_ACTION"] != 0
-    return bool(values["FENCE_ENABLE"] or values["FENCE_AUTOENABLE"]) or vehicle.health.fenced
+    def _limits(self, vehicle: VehicleState) -> FenceLimits | None:
+        """Return the limits by the parameters last read; None without a fence, or while it does not act."""
+        rules = self._rules
+        return rules.limits(self._values, vehicle.health.fenced) if self._values and rules else None
 
 
 def _row(name: str) -> Required:

@@ -130,7 +130,7 @@ class Services:
                 self._write_timestamp(self._signing.tick)
 
     def _parameter(self, message: Any, _at_ns: int) -> None:
-        self.parameters.bytewise = self._link.vehicle.autopilot == "px4"
+        self.parameters.bytewise = self._link.vehicle.autopilot.bytewise_parameters
         for answer in self.parameters.on_message(message, self._link.system_id, self._link.component_id):
             self._link.send(answer)
 

@@ -18,6 +18,7 @@ import companion
 import params
 from companion.flight.app import Companion
 from companion.flight.landing.situation import Phase, VehicleCommands
+from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.command import CommandResult
 from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
@@ -25,7 +26,7 @@ from companion.runtime.clock import now_ns
 
 IN_FLIGHT = VehicleState(
     sysid=1,
-    autopilot="px4",
+    autopilot=PX4,
     vehicle_type=2,
     armed=True,
     mode="OFFBOARD",

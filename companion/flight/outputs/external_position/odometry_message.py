@@ -1,10 +1,7 @@
 """ODOMETRY in the frames that each autopilot accepts.
 
-ArduPilot reads LOCAL_FRD and BODY_FRD only (GCS_Common.cpp, handle_odometry) and fuses the position as one
-relative to its local origin towards north, east and down, so its LOCAL_FRD must point north. PX4 reads
-LOCAL_NED, and refuses MAV_ESTIMATOR_TYPE_LIDAR with a critical text for each message
-(mavlink_receiver.cpp), so that it gets VISION. All versions of the parameter files understand ODOMETRY;
-VISION_POSITION_ESTIMATE, which has no velocity and no quality, is never sent.
+Frame, estimator and times are those of its `ExternalPosition`. All versions of the parameter files understand
+ODOMETRY; VISION_POSITION_ESTIMATE, which has no velocity and no quality, is never sent.
 """
 
 from __future__ import annotations
@@ -18,23 +15,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
 from companion.flight.geometry.axes import Floats, rotation_enu_from_frd
+from companion.flight.link.autopilots.autopilot_interface import ExternalPosition
 from companion.flight.link.vehicle_state import VehicleState, unit_quaternion
 
-# ArduPilot's estimator looks back VISO_DELAY_MS, and no farther, and takes a measurement to be that much
-# older than its stamp. So the stamp is later by this, and the message waits until that time: what would
-# arrive earlier would be used no sooner, but a stamp of the future would spoil its estimate of our clock.
-ARDUPILOT_DELAY_NS = 200_000_000
-# PX4 fuses a sample at its own time and looks back 0.3 s (EKF2_DELAY_MAX).
-OLDEST_NS = {"ardupilot": ARDUPILOT_DELAY_NS + 50_000_000, "px4": 300_000_000}
 # Near +-90 degrees of pitch, roll and yaw are not determined.
 LEAST_COSINE = 0.02
 # Beyond these standard deviations there is no position, m, velocity, m/s, or attitude, rad.
 MOST_POSITION_M, MOST_VELOCITY_MS, MOST_ANGLE_RAD = 10.0, 10.0, 1.0
 _NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-_FRAME_AND_TYPE = {
-    "ardupilot": (mavlink.MAV_FRAME_LOCAL_FRD, mavlink.MAV_ESTIMATOR_TYPE_LIDAR),
-    "px4": (mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_ESTIMATOR_TYPE_VISION),
-}
 
 
 def odometry_message(
@@ -45,9 +33,9 @@ def odometry_message(
     Parameters
     ----------
     vehicle
-        Its autopilot determines frame and estimator type; there is no message for others.
+        Its autopilot determines frame and estimator type; without an `external_position` there is no message.
     estimate
-        None is returned before `earliest_ns`, if it is older than `OLDEST_NS`, not finite, if its covariances
+        None is returned before `earliest_ns`, if it is older than `oldest_ns`, not finite, if its covariances
         are not positive definite or too large, or if a position axis is not observed: that axis holds the
         autopilot's own estimate, which would confirm itself.
     origin_enu_m
@@ -55,10 +43,10 @@ def odometry_message(
     now_ns
         Companion clock.
     """
-    known = _FRAME_AND_TYPE.get(vehicle.autopilot)
-    if known is None or origin_enu_m is None:
+    accepted = vehicle.autopilot.external_position
+    if accepted is None or origin_enu_m is None:
         return None
-    if not earliest_ns(vehicle, estimate) <= now_ns <= estimate.stamp_ns + OLDEST_NS[vehicle.autopilot]:
+    if not earliest_ns(vehicle, estimate) <= now_ns <= estimate.stamp_ns + accepted.oldest_ns:
         return None
     origin = np.asarray(origin_enu_m, dtype=np.float64)
     numbers = (
@@ -82,7 +70,7 @@ def odometry_message(
     if pose_covariance is None or not _is_covariance(velocity_covariance, [MOST_VELOCITY_MS] * 3):
         return None
     return _message(
-        known,
+        accepted,
         max(1, earliest_ns(vehicle, estimate) // 1000),
         _NED_FROM_ENU @ (estimate.position_enu_m - origin),
         quaternion,
@@ -96,7 +84,8 @@ def odometry_message(
 
 def earliest_ns(vehicle: VehicleState, estimate: OdometryEstimate) -> int:
     """Return the time from which on an estimate may be sent, which is also the message's stamp."""
-    return estimate.stamp_ns + (ARDUPILOT_DELAY_NS if vehicle.autopilot == "ardupilot" else 0)
+    accepted = vehicle.autopilot.external_position
+    return estimate.stamp_ns + (0 if accepted is None else accepted.delay_ns)
 
 
 def clock_message(now_ns: int) -> Any:
@@ -114,7 +103,7 @@ def clock_message(now_ns: int) -> Any:
 
 
 def _message(
-    frame_and_type: tuple[int, int],
+    accepted: ExternalPosition,
     time_us: int,
     position_ned_m: Floats,
     quaternion: tuple[float, ...],
@@ -124,12 +113,11 @@ def _message(
     resets: int,
     quality: int,
 ) -> Any:
-    frame, estimator = frame_and_type
     rates = np.full((6, 6), math.nan)  # of the body: not estimated
     rates[:3, :3] = velocity_covariance
     return mavlink.MAVLink_odometry_message(
         time_us,
-        frame,
+        accepted.frame,
         mavlink.MAV_FRAME_BODY_FRD,
         *(float(v) for v in position_ned_m),
         list(quaternion),
@@ -138,7 +126,7 @@ def _message(
         _upper_triangle(pose_covariance),
         _upper_triangle(rates),
         resets,
-        estimator,
+        accepted.estimator,
         quality,
     )
 

@@ -43,7 +43,8 @@ class OdometryStream:
         """Return the messages to send now, ODOMETRY last; empty if nothing is due."""
         self._take(estimate)
         odometry = [] if frame is None else self._odometry(vehicle, frame, now_ns)
-        if vehicle.autopilot != "ardupilot":
+        accepted = vehicle.autopilot.external_position
+        if accepted is None or not accepted.needs_clock:
             return odometry
         if odometry:
             return [*self._clock(now_ns, CLOCK_NS), *odometry]

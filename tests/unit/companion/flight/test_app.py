@@ -13,6 +13,9 @@ import params
 from companion.flight import situation_source
 from companion.flight.app import Companion
 from companion.flight.landing.situation import Phase, VehicleCommands
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
+from companion.flight.link.autopilots.autopilot_interface import Autopilot
+from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.command import CommandResult
 from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
@@ -23,7 +26,7 @@ from tests.integration.link_bench import on_simulated_clock
 from tests.ports import free_port
 from tests.unit.companion.flight.landing.flight import Flight
 
-FLYING = VehicleState(sysid=1, autopilot="ardupilot", vehicle_type=2, armed=True, reported_landed="in_air")
+FLYING = VehicleState(sysid=1, autopilot=ARDUPILOT, vehicle_type=2, armed=True, reported_landed="in_air")
 
 
 class Cockpit:
@@ -199,7 +202,7 @@ async def test_a_radar_sees_for_a_blind_lidar_and_not_for_a_silent_one(
     companion.worker.close()
 
 
-PX4 = replace(FLYING, autopilot="px4", local_ned_m=(3.0, -4.0, -12.0), local_boot_ms=9_900, boot_ms=10_000)
+ON_PX4 = replace(FLYING, autopilot=PX4, local_ned_m=(3.0, -4.0, -12.0), local_boot_ms=9_900, boot_ms=10_000)
 VELOCITIES, PLACE = 0b000111000, 0b000000111  # what a mask of the message ignores
 ACCELERATIONS = 0b111000000
 
@@ -210,11 +213,11 @@ async def test_px4_gets_setpoints_before_its_offboard_mode_is_asked_for(
 ) -> None:
     """It enters that mode only while they arrive; few are enough, and on the ground none are due."""
     async with cockpit(monkeypatch) as seat:
-        monkeypatch.setattr(f"{__name__}.FLYING", PX4)
+        monkeypatch.setattr(f"{__name__}.FLYING", ON_PX4)
         await seat.tick("AUTO.LOITER")
         await seat.tick("AUTO.LOITER")
         assert len(seat.velocities()) == 1
-        monkeypatch.setattr(f"{__name__}.FLYING", replace(PX4, reported_landed="on_ground"))
+        monkeypatch.setattr(f"{__name__}.FLYING", replace(ON_PX4, reported_landed="on_ground"))
         monkeypatch.setattr(situation_source, "now_ns", lambda: now_ns() + 10**9)  # the next one is due
         await seat.tick("AUTO.LOITER")
         assert len(seat.velocities()) == 1
@@ -227,7 +230,7 @@ async def test_px4_is_told_no_velocity_in_a_mode_of_the_pilot(
 ) -> None:
     """A version that mixes a companion's velocities into Position mode and missions would be braked."""
     async with cockpit(monkeypatch) as seat:
-        monkeypatch.setattr(f"{__name__}.FLYING", PX4)
+        monkeypatch.setattr(f"{__name__}.FLYING", ON_PX4)
         await seat.tick(mode)
         (signal,) = [m for m in seat.sent if m.get_type() == "SET_POSITION_TARGET_LOCAL_NED"]
         assert signal.type_mask & VELOCITIES == VELOCITIES
@@ -239,7 +242,7 @@ async def test_px4_is_told_no_velocity_in_a_mode_of_the_pilot(
 @on_simulated_clock
 async def test_px4_is_told_to_stop_in_offboard_until_an_order_comes(monkeypatch: pytest.MonkeyPatch) -> None:
     async with cockpit(monkeypatch) as seat:
-        monkeypatch.setattr(f"{__name__}.FLYING", PX4)
+        monkeypatch.setattr(f"{__name__}.FLYING", ON_PX4)
         await seat.tick("OFFBOARD")
         (signal,) = [m for m in seat.sent if m.get_type() == "SET_POSITION_TARGET_LOCAL_NED"]
         assert (signal.vx, signal.vy, signal.vz) == (0.0, 0.0, 0.0)
@@ -253,7 +256,7 @@ async def test_px4_is_told_no_place_that_is_not_its_own(
     monkeypatch: pytest.MonkeyPatch, stale: dict[str, Any]
 ) -> None:
     async with cockpit(monkeypatch) as seat:
-        monkeypatch.setattr(f"{__name__}.FLYING", replace(PX4, **stale))
+        monkeypatch.setattr(f"{__name__}.FLYING", replace(ON_PX4, **stale))
         await seat.tick("AUTO.LOITER")
         assert seat.velocities() == []
 
@@ -265,7 +268,7 @@ async def test_the_mode_is_known_at_one_heartbeat_a_second_of_which_one_is_lost(
 ) -> None:
     """PX4's heartbeat cannot be made faster."""
     async with cockpit(monkeypatch) as seat:
-        monkeypatch.setattr(f"{__name__}.FLYING", PX4)
+        monkeypatch.setattr(f"{__name__}.FLYING", ON_PX4)
         await seat.tick("OFFBOARD", heard_s_ago)
         assert seat.companion.situation().heard is known
 
@@ -362,19 +365,19 @@ async def test_a_radar_and_a_view_run_and_end_with_the_companion(monkeypatch: py
 @pytest.mark.parametrize(
     ("autopilot", "kind", "vtol_state", "mode"),
     [
-        ("px4", 1, 0, "OFFBOARD"),
-        ("px4", 22, 4, "OFFBOARD"),
-        ("px4", 22, 3, "AUTO.LOITER"),
-        ("ardupilot", 2, 4, "GUIDED"),
+        (PX4, 1, 0, "OFFBOARD"),
+        (PX4, 22, 4, "OFFBOARD"),
+        (PX4, 22, 3, "AUTO.LOITER"),
+        (ARDUPILOT, 2, 4, "GUIDED"),
     ],
 )
 @on_simulated_clock
 async def test_a_vehicle_that_must_not_be_commanded_gets_nothing_whatever_is_decided(
-    monkeypatch: pytest.MonkeyPatch, autopilot: str, kind: int, vtol_state: int, mode: str
+    monkeypatch: pytest.MonkeyPatch, autopilot: Autopilot, kind: int, vtol_state: int, mode: str
 ) -> None:
     """No mode, velocity or target, nor the signal that keeps PX4's OFFBOARD open, nor a last stop."""
     async with cockpit(monkeypatch) as seat:
-        flying = replace(PX4, autopilot=autopilot, vehicle_type=kind, vtol_state=vtol_state)
+        flying = replace(ON_PX4, autopilot=autopilot, vehicle_type=kind, vtol_state=vtol_state)
         monkeypatch.setattr(f"{__name__}.FLYING", replace(flying, vtol_heard_ns=now_ns() - 10**10))
         seat.commands = VehicleCommands(
             mode="guided", velocity_enu_ms=np.array([4.0, 0.0, 0.0]), target_enu_m=np.zeros(3)

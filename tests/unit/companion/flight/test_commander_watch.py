@@ -10,6 +10,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight import commander_watch
 from companion.flight.commander_watch import CommanderWatch
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
+from companion.flight.link.autopilots.autopilot_interface import Autopilot
+from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.vehicle_state import VehicleState
 from tests.unit.companion.flight.link.messages import received
 
@@ -23,9 +26,9 @@ class Wire:
 
     system_id, component_id = 1, 191
 
-    def __init__(self, autopilot: str, monkeypatch: pytest.MonkeyPatch) -> None:
-        mode = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}[autopilot]
-        self.vehicle = VehicleState(sysid=1, autopilot=autopilot, mode=mode, vehicle_type=2)  # type: ignore[arg-type]
+    def __init__(self, autopilot: Autopilot, monkeypatch: pytest.MonkeyPatch) -> None:
+        mode = autopilot.guided_mode or ""
+        self.vehicle = VehicleState(sysid=1, autopilot=autopilot, mode=mode, vehicle_type=2)
         self._handlers: dict[str, Any] = {}
         self.now_ns = 100 * S
         monkeypatch.setattr(commander_watch, "now_ns", lambda: self.now_ns)
@@ -60,7 +63,7 @@ class Wire:
             self.now_ns += 30 * MS
 
 
-@pytest.fixture(params=["ardupilot", "px4"])
+@pytest.fixture(params=[ARDUPILOT, PX4])
 def wire(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Wire:
     return Wire(request.param, monkeypatch)
 
@@ -125,7 +128,7 @@ def test_a_velocity_that_the_autopilot_limits_is_ours(wire: Wire) -> None:
     asked = [4.0, 0.0, 2.0]
     wire.command(1, asked)
     limited = [(0.0, 2.0, -2.0), (0.0, 4.0, -0.5), (0.0, 0.0, 0.0)]
-    if wire.vehicle.autopilot == "ardupilot":
+    if wire.vehicle.autopilot is ARDUPILOT:
         limited += [(3.0, 1.0, 0.0), (0.0, -0.75, 0.75)]
     for ned_ms in limited * 3:
         wire.command(0.05, asked, follows=False)
@@ -163,11 +166,11 @@ def test_ardupilot_s_other_messages_of_a_target_count_and_px4_s_do_not(wire: Wir
     boot_ms = wire.now_ns // MS
     nothing = (0,) * 9
     wire.hear(mavlink.MAVLink_position_target_global_int_message(boot_ms, 0, PLACE, 1, 1, 1.0, *nothing[:8]))
-    assert wire.watch.is_foreign is (wire.vehicle.autopilot == "ardupilot")
+    assert wire.watch.is_foreign is (wire.vehicle.autopilot is ARDUPILOT)
 
 
 def test_a_course_to_a_point_counts_after_three_reports(monkeypatch: pytest.MonkeyPatch) -> None:
-    wire = Wire("ardupilot", monkeypatch)
+    wire = Wire(ARDUPILOT, monkeypatch)
     wire.command(1)
     for far_m, foreign in ((0, False), (9, False), (9, False), (9, True)):
         wire.hear(mavlink.MAVLink_nav_controller_output_message(0, 0, 0, 0, far_m, 0, 0, 0))
@@ -183,4 +186,4 @@ def test_fly_to_here_heard_on_the_link_counts_for_the_autopilot_that_obeys_it(wi
         255,
         190,
     )
-    assert wire.watch.commander() == ("255/190" if wire.vehicle.autopilot == "ardupilot" else "")
+    assert wire.watch.commander() == ("255/190" if wire.vehicle.autopilot is ARDUPILOT else "")

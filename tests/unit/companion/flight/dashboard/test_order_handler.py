@@ -15,6 +15,7 @@ from companion.flight.app import Companion
 from companion.flight.dashboard.browser_orders import Command, parse
 from companion.flight.dashboard.order_handler import FlightOrderHandler
 from companion.flight.landing.situation import Phase, Reply
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
 from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
 from companion.runtime.clock import now_ns
@@ -24,7 +25,7 @@ from slz.landing_point.judgement import unknown
 from tests.unit.companion.flight.landing.flight import Flight, zone
 
 FLYING = VehicleState(
-    sysid=1, autopilot="ardupilot", vehicle_type=2, armed=True, reported_landed="in_air", mode="GUIDED"
+    sysid=1, autopilot=ARDUPILOT, vehicle_type=2, armed=True, reported_landed="in_air", mode="GUIDED"
 )
 
 

@@ -12,14 +12,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.doctor.autopilot_fitness import AGAIN_NS, Fitness
 from companion.flight.landing.situation import Severity
-from companion.flight.link.flight_modes import Autopilot
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
+from companion.flight.link.autopilots.autopilot_interface import OTHER, UNKNOWN, Autopilot
+from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.services.fence_reader import FenceReader
-from params import required
 
 MS, S = 1_000_000, 1_000_000_000
 OF_4_6 = {"LAND_SPEED", "LAND_ALT_LOW"}  # of ArduCopter; 4.7 has others instead
-GUIDED = {"ardupilot": "GUIDED", "px4": "OFFBOARD"}
 
 
 class Script:
@@ -31,7 +31,7 @@ class Script:
         self.odometry = odometry
         self.fitness = Fitness(auto, lambda: self.odometry)
         self.vehicle = VehicleState(sysid=1, autopilot=autopilot, mode="LOITER")
-        rows = required(autopilot, odometry)
+        rows = autopilot.required(odometry)
         has = {row.name for row in rows if not row.optional} | OF_4_6
         self.values = {row.name: row.value for row in rows if row.name in has} | values
         self.lost: set[str] = set()
@@ -69,27 +69,27 @@ class Script:
             self.fitness.on_parameter_message(self._value(name))
 
     def _value(self, name: str) -> Any:
-        rows = {row.name: row for row in required(self.vehicle.autopilot, self.odometry)}
+        rows = {row.name: row for row in self.vehicle.autopilot.required(self.odometry)}
         value, kind = self.values[name], mavlink.MAV_PARAM_TYPE_REAL32
         if rows[name].integer:
             value, kind = struct.unpack("<f", struct.pack("<i", int(value)))[0], mavlink.MAV_PARAM_TYPE_INT32
         return mavlink.MAVLink_param_value_message(name.encode(), value, kind, 900, 0)
 
     def hand_over(self, seconds: float = 5.0) -> list[str]:
-        return self.run(seconds, armed=True, mode=GUIDED[self.vehicle.autopilot])
+        return self.run(seconds, armed=True, mode=self.vehicle.autopilot.guided_mode)
 
 
-AUTOPILOTS = pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+AUTOPILOTS = pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
 WRONG = pytest.mark.parametrize(
     ("autopilot", "name", "value", "said"),
     [
-        ("px4", "COM_OBL_RC_ACT", 0.0, "COM_OBL_RC_ACT is 0, needs 5"),
-        ("px4", "COM_OF_LOSS_T", 30.0, "COM_OF_LOSS_T is 30, needs 0.2 to 2"),
-        ("ardupilot", "PLND_ENABLED", 0.0, "PLND_ENABLED is 0, needs 1"),
-        ("ardupilot", "GUID_TIMEOUT", 60.0, "GUID_TIMEOUT is 60, needs 0.5 to 5"),
-        ("ardupilot", "LAND_SPEED", 150.0, "LAND_SPEED is 150, needs 20 to 100"),
-        ("ardupilot", "LAND_SPD_MS", 1.5, "LAND_SPD_MS is 1.5, needs 0.2 to 1"),
-        ("px4", "MPC_LAND_SPEED", 1.5, "MPC_LAND_SPEED is 1.5, needs 0.3 to 1"),
+        (PX4, "COM_OBL_RC_ACT", 0.0, "COM_OBL_RC_ACT is 0, needs 5"),
+        (PX4, "COM_OF_LOSS_T", 30.0, "COM_OF_LOSS_T is 30, needs 0.2 to 2"),
+        (ARDUPILOT, "PLND_ENABLED", 0.0, "PLND_ENABLED is 0, needs 1"),
+        (ARDUPILOT, "GUID_TIMEOUT", 60.0, "GUID_TIMEOUT is 60, needs 0.5 to 5"),
+        (ARDUPILOT, "LAND_SPEED", 150.0, "LAND_SPEED is 150, needs 20 to 100"),
+        (ARDUPILOT, "LAND_SPD_MS", 1.5, "LAND_SPD_MS is 1.5, needs 0.2 to 1"),
+        (PX4, "MPC_LAND_SPEED", 1.5, "MPC_LAND_SPEED is 1.5, needs 0.3 to 1"),
     ],
 )
 
@@ -132,7 +132,7 @@ class Unread(FenceReader):
 
 @pytest.mark.parametrize(("auto", "said"), [(True, "no landing by itself"), (False, "landing is at risk")])
 def test_a_fence_that_was_not_read_counts_as_a_critical_parameter(auto: bool, said: str) -> None:
-    script, fence = Script("ardupilot", auto), Unread()
+    script, fence = Script(ARDUPILOT, auto), Unread()
     script.fitness = Fitness(auto, fence=fence)
     assert script.run(5) == script.hand_over() == []  # it is being read
     assert not script.fitness.fit
@@ -156,7 +156,7 @@ def test_an_order_is_carried_out_and_warned_of(
 
 
 def test_what_is_changed_in_flight_is_seen_at_the_next_hand_over() -> None:
-    script = Script("px4")
+    script = Script(PX4)
     script.run(5)
     script.values["COM_OBL_RC_ACT"] = 0.0  # by a ground station on another link
     assert script.run(30) == []
@@ -165,7 +165,7 @@ def test_what_is_changed_in_flight_is_seen_at_the_next_hand_over() -> None:
 
 
 def test_between_the_hand_over_and_the_answers_it_is_not_fit() -> None:
-    script = Script("px4")
+    script = Script(PX4)
     script.run(5)
     script.lost = set(script.values)
     script.hand_over(0.1)
@@ -174,7 +174,7 @@ def test_between_the_hand_over_and_the_answers_it_is_not_fit() -> None:
 
 
 def test_a_value_set_right_is_told_and_counts_at_once() -> None:
-    script = Script("px4", COM_OBL_RC_ACT=0.0)
+    script = Script(PX4, COM_OBL_RC_ACT=0.0)
     script.hand_over()
     script.tell("COM_OBL_RC_ACT", 5.0)
     assert script.fitness.fit
@@ -197,7 +197,7 @@ def test_lost_answers_are_asked_for_again(autopilot: Autopilot) -> None:
 @AUTOPILOTS
 def test_what_cannot_be_read_is_said_and_not_fine_until_it_is(autopilot: Autopilot) -> None:
     script = Script(autopilot)
-    name = next(row.name for row in required(autopilot) if row.critical)
+    name = next(row.name for row in autopilot.required() if row.critical)
     script.lost = {name}
     assert script.run(5) == [f"{name} could not be read"]
     assert script.hand_over() == [f"no landing by itself: {name}"]
@@ -219,7 +219,7 @@ def test_an_autopilot_that_answers_nothing_is_told_in_three_texts(autopilot: Aut
 
 
 def test_what_the_autopilot_says_it_does_not_have_is_not_asked_for_again() -> None:
-    script = Script("ardupilot")
+    script = Script(ARDUPILOT)
     script.missing = {"PLND_TYPE"}
     assert script.run(5) == ["PLND_TYPE is missing"]
     assert script.asked.count("PLND_TYPE") == 1
@@ -227,8 +227,8 @@ def test_what_the_autopilot_says_it_does_not_have_is_not_asked_for_again() -> No
 
 
 def test_a_parameter_of_another_version_is_no_fault_and_not_waited_for() -> None:
-    script = Script("px4")
-    assert {row.name for row in required("px4") if row.optional} >= {"EAV_EN", "MAN_OVERRIDE_SPD"}
+    script = Script(PX4)
+    assert {row.name for row in PX4.required() if row.optional} >= {"EAV_EN", "MAN_OVERRIDE_SPD"}
     assert script.run(0.5) == []
     assert script.fitness.fit
     assert script.fitness.summary()["read"]
@@ -236,7 +236,7 @@ def test_a_parameter_of_another_version_is_no_fault_and_not_waited_for() -> None
 
 
 def test_the_first_reading_waits_for_critical_parameters_that_only_some_versions_have() -> None:
-    script = Script("ardupilot", LAND_SPD_MS=1.5)
+    script = Script(ARDUPILOT, LAND_SPD_MS=1.5)
     script.lost = {"LAND_SPD_MS"}
     assert script.run(1.0) == []
     assert not script.fitness.fit  # whether this version has it is not yet known
@@ -246,7 +246,7 @@ def test_the_first_reading_waits_for_critical_parameters_that_only_some_versions
 
 
 def test_a_version_without_a_critical_parameter_is_fit_once_it_has_not_answered() -> None:
-    script = Script("ardupilot")
+    script = Script(ARDUPILOT)
     assert script.run(1.0) == []
     assert not script.fitness.fit
     assert script.run(4.0) == []
@@ -255,7 +255,7 @@ def test_a_version_without_a_critical_parameter_is_fit_once_it_has_not_answered(
     assert script.fitness.fit  # known by now: it is not waited for again
 
 
-@pytest.mark.parametrize(("autopilot", "once"), [("ardupilot", 1), ("px4", 0)])
+@pytest.mark.parametrize(("autopilot", "once"), [(ARDUPILOT, 1), (PX4, 0)])
 def test_a_reading_asks_once_for_what_a_plane_alone_has(autopilot: Autopilot, once: int) -> None:
     script = Script(autopilot)
     script.run(20)
@@ -267,7 +267,7 @@ def test_a_reading_asks_once_for_what_a_plane_alone_has(autopilot: Autopilot, on
 
 
 def test_it_reads_again_after_a_reboot_and_after_a_lost_link() -> None:
-    script = Script("px4")
+    script = Script(PX4)
     script.run(5)
     script.values["COM_OBL_RC_ACT"] = 0.0
     assert script.run(5, reboots=1) == ["COM_OBL_RC_ACT is 0, needs 5"]
@@ -278,7 +278,7 @@ def test_it_reads_again_after_a_reboot_and_after_a_lost_link() -> None:
     assert script.run(5) == ["autopilot's parameters are right now"]
 
 
-@pytest.mark.parametrize("autopilot", ["other", "unknown"])
+@pytest.mark.parametrize("autopilot", [OTHER, UNKNOWN])
 def test_an_autopilot_that_is_not_known_is_not_fit(autopilot: Autopilot) -> None:
     script = Script(autopilot)
     assert script.run(5) == []
@@ -290,10 +290,10 @@ def names(rows: Iterable[Any]) -> set[str]:
 
 
 def test_what_makes_a_fall_of_the_companion_or_a_late_abort_dangerous_is_critical() -> None:
-    assert names(required("px4")) == {
+    assert names(PX4.required()) == {
         "COM_OBL_RC_ACT", "COM_OF_LOSS_T", "MPC_LAND_SPEED", "MPC_LAND_ALT2", "MPC_LAND_RC_HELP", "GF_ACTION",
     }  # fmt: skip
-    assert names(required("ardupilot")) == {
+    assert names(ARDUPILOT.required()) == {
         "PLND_ENABLED", "PLND_TYPE", "PLND_STRICT", "GUID_TIMEOUT",
         "LAND_SPD_MS", "LAND_ALT_LOW_M", "LAND_SPEED", "LAND_ALT_LOW",
         "PLND_YAW_ALIGN", "PLND_LAND_OFS_X", "PLND_LAND_OFS_Y", "PLND_ORIENT", "GUID_OPTIONS",
@@ -303,9 +303,9 @@ def test_what_makes_a_fall_of_the_companion_or_a_late_abort_dangerous_is_critica
 @pytest.mark.parametrize(
     ("autopilot", "name", "value", "said"),
     [
-        ("ardupilot", "VISO_TYPE", 0.0, "VISO_TYPE is 0, needs 1"),
-        ("ardupilot", "EK3_SRC2_POSXY", 3.0, "EK3_SRC2_POSXY is 3, needs 6"),
-        ("px4", "EKF2_EV_CTRL", 0.0, "EKF2_EV_CTRL is 0, needs 5 or 7"),
+        (ARDUPILOT, "VISO_TYPE", 0.0, "VISO_TYPE is 0, needs 1"),
+        (ARDUPILOT, "EK3_SRC2_POSXY", 3.0, "EK3_SRC2_POSXY is 3, needs 6"),
+        (PX4, "EKF2_EV_CTRL", 0.0, "EKF2_EV_CTRL is 0, needs 5 or 7"),
     ],
 )
 def test_what_the_odometry_needs_is_checked_only_while_it_is_sent(
@@ -318,5 +318,5 @@ def test_what_the_odometry_needs_is_checked_only_while_it_is_sent(
     without = Script(autopilot, **{name: value})
     assert without.run(5) == []
     without.odometry = True
-    without.values = {row.name: row.value for row in required(autopilot, True)} | {name: value}
+    without.values = {row.name: row.value for row in autopilot.required(True)} | {name: value}
     assert without.hand_over() == [said]

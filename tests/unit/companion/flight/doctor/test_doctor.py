@@ -21,16 +21,19 @@ from companion.flight.doctor.lidar_check import lidar_findings
 from companion.flight.doctor.link_check import link_findings
 from companion.flight.doctor.machine_check import speed_finding, timer_finding, window_ms
 from companion.flight.doctor.parameter_check import parameter_findings
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
+from companion.flight.link.autopilots.autopilot_interface import Autopilot
+from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.link_statistics import LinkStatistics
 from companion.flight.link.message_rates import expected, wanted
 from companion.flight.link.parameter_reader import RETRY_NS, TRIES, ParameterReader
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.sensors.diagnosis import explanation
 from companion.flight.sensors.diagnosis.lidar_diagnosis import Episode
-from params import build, load, required
+from params import build, load
 from params.required import parse
 
-STREAMS = wanted("ardupilot", 50.0)
+STREAMS = wanted(ARDUPILOT, 50.0)
 GOOD = LinkStatistics(
     received=6000,
     from_vehicle=5000,
@@ -62,7 +65,7 @@ GOOD = LinkStatistics(
     replayed=0,
     orders_refused=0,
 )
-VEHICLE = VehicleState(sysid=1, autopilot="ardupilot", vehicle_type=2, mode="GUIDED", last_heartbeat_ns=1)
+VEHICLE = VehicleState(sysid=1, autopilot=ARDUPILOT, vehicle_type=2, mode="GUIDED", last_heartbeat_ns=1)
 ROWS = parse("# On.\nA 1\n# Lag.\n#: accept 0.1..0.3\n#: wanted\nB 0.2")
 
 
@@ -85,7 +88,7 @@ def test_a_vehicle_that_is_never_commanded_is_a_fault() -> None:
     assert "commands nothing" in next(f.remedy for f in findings if f.check == "vehicle")
 
 
-PX4_STREAMS = expected("px4", 50.0)
+PX4_STREAMS = expected(PX4, 50.0)
 PX4_GOOD = replace(GOOD, rates_hz={stream.name: stream.arrives_hz for stream in PX4_STREAMS})
 
 
@@ -103,7 +106,7 @@ def test_a_px4_with_its_heartbeat_once_a_second_is_healthy(
     rates: dict[str, float], refused: tuple[str, ...], state: str
 ) -> None:
     statistics = replace(PX4_GOOD, rates_hz=PX4_GOOD.rates_hz | rates, refused=refused)
-    findings = link_findings("udpin:x", replace(VEHICLE, autopilot="px4"), statistics, PX4_STREAMS)
+    findings = link_findings("udpin:x", replace(VEHICLE, autopilot=PX4), statistics, PX4_STREAMS)
     assert healthy(findings)
     assert states(findings)["rate of HEARTBEAT"] == "ok"
     assert states(findings)["rate of CURRENT_MODE"] == state
@@ -111,7 +114,7 @@ def test_a_px4_with_its_heartbeat_once_a_second_is_healthy(
 
 def test_a_px4_without_heartbeats_is_not() -> None:
     statistics = replace(PX4_GOOD, rates_hz=PX4_GOOD.rates_hz | {"HEARTBEAT": 0.0})
-    findings = link_findings("udpin:x", replace(VEHICLE, autopilot="px4"), statistics, PX4_STREAMS)
+    findings = link_findings("udpin:x", replace(VEHICLE, autopilot=PX4), statistics, PX4_STREAMS)
     assert states(findings)["rate of HEARTBEAT"] == "fail"
 
 
@@ -161,7 +164,7 @@ def value(name: str, number: float, kind: int = mavlink.MAV_PARAM_TYPE_REAL32) -
 
 
 def test_parameters_are_asked_for_again_and_then_given_up() -> None:
-    reader = ParameterReader(ROWS, "ardupilot")
+    reader = ParameterReader(ROWS, ARDUPILOT)
     now, asked = 0, 0
     while not reader.done:
         requests = reader.due(1, now)
@@ -173,7 +176,7 @@ def test_parameters_are_asked_for_again_and_then_given_up() -> None:
 
 
 def test_few_requests_are_under_way_at_once() -> None:
-    reader = ParameterReader(required("ardupilot"), "ardupilot")
+    reader = ParameterReader(ARDUPILOT.required(), ARDUPILOT)
     first = reader.due(1, 0)
     assert 0 < len(first) <= 4
     reader.on_message(value("PLND_ENABLED", 1.0))
@@ -182,7 +185,7 @@ def test_few_requests_are_under_way_at_once() -> None:
 
 def test_px4_s_integers_are_read_by_their_bytes() -> None:
     (number,) = struct.unpack("<f", struct.pack("<i", 5))
-    px4, ardupilot = ParameterReader(ROWS, "px4"), ParameterReader(ROWS, "ardupilot")
+    px4, ardupilot = ParameterReader(ROWS, PX4), ParameterReader(ROWS, ARDUPILOT)
     for reader in (px4, ardupilot):
         reader.on_message(value("A", number, mavlink.MAV_PARAM_TYPE_INT32))
     assert px4.values["A"] == 5.0
@@ -190,7 +193,7 @@ def test_px4_s_integers_are_read_by_their_bytes() -> None:
 
 
 def test_a_value_that_is_no_number_is_asked_for_again() -> None:
-    reader = ParameterReader(ROWS, "ardupilot")
+    reader = ParameterReader(ROWS, ARDUPILOT)
     reader.on_message(value("A", math.nan))
     assert reader.values == {}
     reader.on_message(value("A", 1.0))
@@ -214,13 +217,13 @@ def test_parameters_are_judged_by_the_file(values: dict[str, float], expected: d
 
 
 @pytest.mark.parametrize(
-    ("autopilot", "name", "value"), [("ardupilot", "VISO_TYPE", 1.0), ("px4", "EKF2_EV_CTRL", 7.0)]
+    ("autopilot", "name", "value"), [(ARDUPILOT, "VISO_TYPE", 1.0), (PX4, "EKF2_EV_CTRL", 7.0)]
 )
 def test_an_autopilot_that_waits_for_an_odometry_that_is_not_sent_is_a_warning(
-    autopilot: str, name: str, value: float
+    autopilot: Autopilot, name: str, value: float
 ) -> None:
     for odometry, state in ((False, "warn"), (True, "ok")):
-        rows = tuple(row for row in required(autopilot, odometry) if row.name == name)
+        rows = tuple(row for row in autopilot.required(odometry) if row.name == name)
         (finding,) = parameter_findings(rows, {name: value})
         assert finding.state == state
         assert ("SLZ_ODOMETRY" in finding.remedy) == (state == "warn")

@@ -5,7 +5,9 @@ from __future__ import annotations
 import pytest
 
 from companion.flight.doctor.version_check import Version, version_finding
-from companion.flight.link.flight_modes import Autopilot
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
+from companion.flight.link.autopilots.autopilot_interface import OTHER, Autopilot
+from companion.flight.link.autopilots.px4 import PX4
 
 
 def packed(major: int, minor: int, patch: int, kind: int) -> int:
@@ -24,16 +26,16 @@ def test_a_version_is_unpacked_with_its_kind(kind: int, name: str) -> None:
 @pytest.mark.parametrize(
     ("autopilot", "version", "state", "said"),
     [
-        ("px4", (1, 17, 0, 255), "ok", "PX4 1.17.0 release"),
-        ("px4", (1, 18, 0, 128), "ok", "PX4 1.18.0 beta"),
-        ("px4", (1, 13, 3, 255), "warn", "PX4 1.13.3 release"),
-        ("px4", (1, 19, 0, 64), "warn", "PX4 1.19.0 alpha"),
-        ("px4", (2, 0, 0, 255), "warn", "PX4 2.0.0 release"),
-        ("ardupilot", (4, 7, 0, 255), "ok", "ArduPilot 4.7.0 release"),
-        ("ardupilot", (4, 4, 4, 255), "warn", "ArduPilot 4.4.4 release"),
-        ("ardupilot", (4, 8, 0, 0), "warn", "ArduPilot 4.8.0 development"),
-        ("ardupilot", None, "warn", "ArduPilot, version not told"),
-        ("other", None, "skipped", "no autopilot that is known"),
+        (PX4, (1, 17, 0, 255), "ok", "PX4 1.17.0 release"),
+        (PX4, (1, 18, 0, 128), "ok", "PX4 1.18.0 beta"),
+        (PX4, (1, 13, 3, 255), "warn", "PX4 1.13.3 release"),
+        (PX4, (1, 19, 0, 64), "warn", "PX4 1.19.0 alpha"),
+        (PX4, (2, 0, 0, 255), "warn", "PX4 2.0.0 release"),
+        (ARDUPILOT, (4, 7, 0, 255), "ok", "ArduPilot 4.7.0 release"),
+        (ARDUPILOT, (4, 4, 4, 255), "warn", "ArduPilot 4.4.4 release"),
+        (ARDUPILOT, (4, 8, 0, 0), "warn", "ArduPilot 4.8.0 development"),
+        (ARDUPILOT, None, "warn", "ArduPilot, version not told"),
+        (OTHER, None, "skipped", "no autopilot that is known"),
     ],
 )
 def test_a_version_is_judged_by_what_was_tried(

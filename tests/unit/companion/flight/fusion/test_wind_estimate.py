@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.flight.fusion.wind_average import WindAverage
 from companion.flight.fusion.wind_estimate import WindEstimate
 from companion.flight.geometry.wind import Wind
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
 from companion.flight.link.vehicle_state import VehicleState
 from sitl.autopilot.estimator import EstimateErrors
 from sitl.vehicle.multirotor import DRAG_PER_S
@@ -22,7 +23,7 @@ S = 1_000_000_000
 UP_M = 20.0
 FLYING = VehicleState(
     sysid=1,
-    autopilot="ardupilot",
+    autopilot=ARDUPILOT,
     vehicle_type=mavlink.MAV_TYPE_QUADROTOR,
     armed=True,
     reported_landed="in_air",

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import cast
-
 import pytest
 
-from companion.flight.link.flight_modes import Autopilot
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
+from companion.flight.link.autopilots.autopilot_interface import Autopilot
+from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.message_rates import StreamKeeper, expected, wanted
 
 MS, S = 1_000_000, 1_000_000_000
@@ -27,12 +27,12 @@ def asked_until(
     return names
 
 
-ALL = {stream.name: round(1e9 / stream.rate_hz) for stream in wanted("ardupilot", 50.0)}
+ALL = {stream.name: round(1e9 / stream.rate_hz) for stream in wanted(ARDUPILOT, 50.0)}
 
 
 def keeper() -> StreamKeeper:
     made = StreamKeeper()
-    made.want(wanted("ardupilot", 50.0))
+    made.want(wanted(ARDUPILOT, 50.0))
     return made
 
 
@@ -83,38 +83,38 @@ def test_a_refused_stream_does_not_keep_the_others_waiting() -> None:
 
 
 def test_px4_is_asked_for_its_local_frame_too() -> None:
-    names = {stream.name for stream in wanted("px4", 50.0)}
+    names = {stream.name for stream in wanted(PX4, 50.0)}
     assert "LOCAL_POSITION_NED" in names
     assert "GPS_GLOBAL_ORIGIN" not in names  # sent once and when it changes: no stream that could be missing
 
 
 def test_px4_is_asked_for_its_mode_and_not_for_the_heartbeat_whose_rate_is_fixed() -> None:
-    asked = {stream.name: stream for stream in wanted("px4", 50.0)}
+    asked = {stream.name: stream for stream in wanted(PX4, 50.0)}
     assert "HEARTBEAT" not in asked
     assert (asked["CURRENT_MODE"].message_id, asked["CURRENT_MODE"].interval_us) == (436, 200_000)
-    arriving = {stream.name: stream.arrives_hz for stream in expected("px4", 50.0)}
+    arriving = {stream.name: stream.arrives_hz for stream in expected(PX4, 50.0)}
     assert (arriving["HEARTBEAT"], arriving["CURRENT_MODE"]) == (1.0, 2.0)
-    assert expected("ardupilot", 50.0) == wanted("ardupilot", 50.0)
+    assert expected(ARDUPILOT, 50.0) == wanted(ARDUPILOT, 50.0)
 
 
 def test_each_autopilot_is_asked_for_the_wind_that_it_may_estimate() -> None:
-    for autopilot, name, number in (("ardupilot", "WIND", 168), ("px4", "WIND_COV", 231)):
-        stream = next(s for s in wanted(autopilot, 50.0) if "WIND" in s.name)  # type: ignore[arg-type]
+    for autopilot, name, number in ((ARDUPILOT, "WIND", 168), (PX4, "WIND_COV", 231)):
+        stream = next(s for s in wanted(autopilot, 50.0) if "WIND" in s.name)
         assert (stream.name, stream.message_id, stream.rate_hz, stream.needed) == (name, number, 2.0, False)
 
 
 def px4_keeper() -> StreamKeeper:
     made = StreamKeeper()
-    made.want(wanted("px4", 50.0))
+    made.want(wanted(PX4, 50.0))
     return made
 
 
-PX4 = {stream.name: round(1e9 / stream.arrives_hz) for stream in wanted("px4", 50.0)}
+PX4_NS = {stream.name: round(1e9 / stream.arrives_hz) for stream in wanted(PX4, 50.0)}
 
 
 def test_a_mode_that_comes_twice_a_second_is_not_asked_for_again() -> None:
     kept = px4_keeper()
-    assert asked_until(kept, 0, 60 * S, PX4).count("CURRENT_MODE") == 1
+    assert asked_until(kept, 0, 60 * S, PX4_NS).count("CURRENT_MODE") == 1
     assert kept.missing(60 * S) == ()
 
 
@@ -123,7 +123,7 @@ def test_a_stream_that_is_not_needed_and_refused_is_not_asked_for_again_until_a_
     answered: bool,
 ) -> None:
     kept = px4_keeper()
-    rest = {name: ns for name, ns in PX4.items() if name != "CURRENT_MODE"}
+    rest = {name: ns for name, ns in PX4_NS.items() if name != "CURRENT_MODE"}
     asked = 0
     for now in range(0, 60 * S, 10 * MS):
         for name, interval_ns in rest.items():
@@ -140,14 +140,14 @@ def test_a_stream_that_is_not_needed_and_refused_is_not_asked_for_again_until_a_
 
 
 def test_intervals_are_in_microseconds() -> None:
-    assert [s.interval_us for s in wanted("ardupilot", 50.0)][:3] == [20_000, 20_000, 200_000]
+    assert [s.interval_us for s in wanted(ARDUPILOT, 50.0)][:3] == [20_000, 20_000, 200_000]
 
 
 def test_the_local_position_is_asked_for_where_something_is_sent_in_its_frame() -> None:
-    def asks(autopilot: str, odometry: bool) -> bool:
-        streams = expected(cast(Autopilot, autopilot), 50.0, odometry)
+    def asks(autopilot: Autopilot, odometry: bool) -> bool:
+        streams = expected(autopilot, 50.0, odometry)
         return "LOCAL_POSITION_NED" in {stream.name for stream in streams}
 
-    assert [asks(name, sent) for name in ("ardupilot", "px4") for sent in (False, True)] == [
+    assert [asks(name, sent) for name in (ARDUPILOT, PX4) for sent in (False, True)] == [
         False, True, True, True,
     ]  # fmt: skip

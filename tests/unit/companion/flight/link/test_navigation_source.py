@@ -5,13 +5,16 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, cast
+from typing import cast
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.link import navigation_source
 from companion.flight.link.autopilot_health import Health
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
+from companion.flight.link.autopilots.autopilot_interface import UNKNOWN, Autopilot
+from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.command import CommandResult, Outcome
 from companion.flight.link.link import Link
 from companion.flight.link.navigation_source import GPS, LIDAR, NavigationSource, can_switch
@@ -119,16 +122,16 @@ def test_an_autopilot_that_rebooted_uses_gps() -> None:
 @pytest.mark.parametrize(
     ("autopilot", "parameters", "can"),
     [
-        ("ardupilot", SET, True),
-        ("px4", SET, False),
-        ("unknown", SET, False),
-        ("ardupilot", {}, False),
-        ("ardupilot", SET | {"EK3_SRC2_POSXY": 3.0}, False),
-        ("ardupilot", SET | {"VISO_TYPE": 0.0}, False),
+        (ARDUPILOT, SET, True),
+        (PX4, SET, False),
+        (UNKNOWN, SET, False),
+        (ARDUPILOT, {}, False),
+        (ARDUPILOT, SET | {"EK3_SRC2_POSXY": 3.0}, False),
+        (ARDUPILOT, SET | {"VISO_TYPE": 0.0}, False),
     ],
 )
 def test_only_an_ardupilot_whose_second_set_is_the_odometry_is_switched(
-    autopilot: Any, parameters: dict[str, float], can: bool
+    autopilot: Autopilot, parameters: dict[str, float], can: bool
 ) -> None:
     assert can_switch(VehicleState(autopilot=autopilot), parameters) == can
 
@@ -144,7 +147,7 @@ class FakeLink:
         self.connected = True
         self.on_reboot: Event[[]] = Event()
         self.vehicle = VehicleState(
-            sysid=1, autopilot="ardupilot", armed=True, health=Health(had_fix=True, fixless_since_ns=1)
+            sysid=1, autopilot=ARDUPILOT, armed=True, health=Health(had_fix=True, fixless_since_ns=1)
         )
         self.commands: list[tuple[float, ...]] = []
         self.texts: list[str] = []

@@ -5,8 +5,10 @@ from __future__ import annotations
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.link.flight_modes import Autopilot
-from companion.flight.link.vehicle_class import no_command_reason, type_name
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
+from companion.flight.link.autopilots.autopilot_interface import OTHER, Autopilot
+from companion.flight.link.autopilots.px4 import PX4
+from companion.flight.link.vehicle_class import type_name
 from companion.flight.link.vehicle_state import VehicleState, reduce
 from tests.unit.companion.flight.link.messages import heartbeat, received
 
@@ -19,37 +21,37 @@ WINGED = "VTOL in fixed-wing flight"
 @pytest.mark.parametrize(
     ("autopilot", "kind", "vtol_state", "reason"),
     [
-        *(("ardupilot", kind, MC, "") for kind in (QUADROTOR, HELICOPTER, 13, 14, 35)),  # as ArduCopter does
-        *(("ardupilot", kind, UNDEFINED, "") for kind in (QUADROTOR, HELICOPTER, 13, 14, 35)),
-        *(("px4", kind, UNDEFINED, "") for kind in (QUADROTOR, HELICOPTER, 13, 14, 35)),
-        ("px4", QUADROTOR, None, ""),
-        ("px4", FIXED_WING, UNDEFINED, "fixed wing"),
-        ("ardupilot", FIXED_WING, UNDEFINED, "fixed wing"),
-        ("px4", VTOL, MC, ""),
-        ("px4", FIXED_WING, MC, ""),  # MAV_TYPE is a parameter of PX4
-        ("px4", VTOL, FW, WINGED),
-        ("px4", QUADROTOR, FW, WINGED),
-        ("px4", VTOL, TO_FW, "VTOL in transition"),
-        ("px4", VTOL, TO_MC, "VTOL in transition"),
-        ("px4", VTOL, UNDEFINED, "VTOL state unknown"),
-        ("px4", VTOL, None, "VTOL state unknown"),
-        ("px4", VTOL, 9, "VTOL state unknown"),
-        *(("ardupilot", kind, FW, "ArduPlane") for kind in (FIXED_WING, QUADROTOR, VTOL)),  # Q_MAV_TYPE
-        ("ardupilot", FIXED_WING, MC, "fixed wing"),
-        ("ardupilot", VTOL, MC, "ArduPlane"),
-        ("ardupilot", VTOL, None, "ArduPlane"),
-        ("ardupilot", ROVER, UNDEFINED, "ground rover"),
-        ("px4", 11, UNDEFINED, "surface boat"),
-        ("px4", 5, UNDEFINED, "antenna tracker"),
-        ("px4", 0, UNDEFINED, "generic"),
-        ("px4", 200, None, "type 200"),
-        ("other", QUADROTOR, MC, "unknown autopilot"),
+        *((ARDUPILOT, kind, MC, "") for kind in (QUADROTOR, HELICOPTER, 13, 14, 35)),  # as ArduCopter does
+        *((ARDUPILOT, kind, UNDEFINED, "") for kind in (QUADROTOR, HELICOPTER, 13, 14, 35)),
+        *((PX4, kind, UNDEFINED, "") for kind in (QUADROTOR, HELICOPTER, 13, 14, 35)),
+        (PX4, QUADROTOR, None, ""),
+        (PX4, FIXED_WING, UNDEFINED, "fixed wing"),
+        (ARDUPILOT, FIXED_WING, UNDEFINED, "fixed wing"),
+        (PX4, VTOL, MC, ""),
+        (PX4, FIXED_WING, MC, ""),  # MAV_TYPE is a parameter of PX4
+        (PX4, VTOL, FW, WINGED),
+        (PX4, QUADROTOR, FW, WINGED),
+        (PX4, VTOL, TO_FW, "VTOL in transition"),
+        (PX4, VTOL, TO_MC, "VTOL in transition"),
+        (PX4, VTOL, UNDEFINED, "VTOL state unknown"),
+        (PX4, VTOL, None, "VTOL state unknown"),
+        (PX4, VTOL, 9, "VTOL state unknown"),
+        *((ARDUPILOT, kind, FW, "ArduPlane") for kind in (FIXED_WING, QUADROTOR, VTOL)),  # Q_MAV_TYPE
+        (ARDUPILOT, FIXED_WING, MC, "fixed wing"),
+        (ARDUPILOT, VTOL, MC, "ArduPlane"),
+        (ARDUPILOT, VTOL, None, "ArduPlane"),
+        (ARDUPILOT, ROVER, UNDEFINED, "ground rover"),
+        (PX4, 11, UNDEFINED, "surface boat"),
+        (PX4, 5, UNDEFINED, "antenna tracker"),
+        (PX4, 0, UNDEFINED, "generic"),
+        (PX4, 200, None, "type 200"),
+        (OTHER, QUADROTOR, MC, "unknown autopilot"),
     ],
 )  # fmt: skip
 def test_what_flies_as_a_multirotor_or_helicopter_may_be_commanded(
     autopilot: Autopilot, kind: int, vtol_state: int | None, reason: str
 ) -> None:
-    assert no_command_reason(autopilot, kind, vtol_state) == reason
+    assert autopilot.no_command_reason(kind, vtol_state, False) == reason
 
 
 def state_after(vtol_state: int, silent_s: float, kind: int = VTOL) -> VehicleState:

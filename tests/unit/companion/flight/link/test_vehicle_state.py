@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.link.flight_modes import ARDUCOPTER, PX4, mode_name, mode_parameters
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
+from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.vehicle_state import VehicleState, is_autopilot, reduce
 from companion.flight.link.wire.current_mode import MAVLink_current_mode_message
 from tests.unit.companion.flight.link.messages import ARMED, attitude, heartbeat, position, received
@@ -27,7 +28,7 @@ def landed(value: int) -> Any:
 
 def test_a_heartbeat_tells_autopilot_mode_and_arming() -> None:
     state = after(heartbeat(base_mode=ARMED, custom_mode=4, system=7))
-    assert (state.sysid, state.autopilot, state.armed, state.mode) == (7, "ardupilot", True, "GUIDED")
+    assert (state.sysid, state.autopilot, state.armed, state.mode) == (7, ARDUPILOT, True, "GUIDED")
     assert state.guided
     assert not state.landing
     assert state.last_heartbeat_ns == 5 * S
@@ -112,20 +113,20 @@ def test_px4_modes_have_main_and_sub(main: int, sub: int, name: str) -> None:
 
 
 def test_every_mode_that_can_be_asked_for_is_recognised_when_it_comes() -> None:
-    for name in ARDUCOPTER:
-        numbers = mode_parameters("ardupilot", mavlink.MAV_TYPE_HELICOPTER, name)
+    for name in ARDUPILOT.modes:
+        numbers = ARDUPILOT.mode_parameters(mavlink.MAV_TYPE_HELICOPTER, name)
         assert numbers is not None
-        assert mode_name("ardupilot", mavlink.MAV_TYPE_HELICOPTER, int(numbers[0])) == name
-    for name in PX4:
-        numbers = mode_parameters("px4", 2, name)
+        assert ARDUPILOT.mode_name(mavlink.MAV_TYPE_HELICOPTER, int(numbers[0])) == name
+    for name in PX4.modes:
+        numbers = PX4.mode_parameters(2, name)
         assert numbers is not None
-        assert mode_name("px4", 2, int(numbers[0]) << 16 | int(numbers[1]) << 24) == name
+        assert PX4.mode_name(2, int(numbers[0]) << 16 | int(numbers[1]) << 24) == name
 
 
 def test_modes_of_other_vehicles_are_not_taken_for_a_copter_s() -> None:
-    assert mode_name("ardupilot", mavlink.MAV_TYPE_FIXED_WING, 4) == "MODE(4)"
-    assert mode_parameters("ardupilot", mavlink.MAV_TYPE_FIXED_WING, "GUIDED") is None
-    assert mode_parameters("ardupilot", 2, "OFFBOARD") is None
+    assert ARDUPILOT.mode_name(mavlink.MAV_TYPE_FIXED_WING, 4) == "MODE(4)"
+    assert ARDUPILOT.mode_parameters(mavlink.MAV_TYPE_FIXED_WING, "GUIDED") is None
+    assert ARDUPILOT.mode_parameters(2, "OFFBOARD") is None
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,9 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.link.flight_modes import Autopilot
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
+from companion.flight.link.autopilots.autopilot_interface import Autopilot
+from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.wind_messages import MOST_MS, ImplausibleWindError, wind_velocity_ms
 from tests.unit.companion.flight.link.messages import received
 
@@ -33,14 +35,14 @@ def high_latency(speed: int, heading: int) -> Any:
     [(0, (0, -5)), (90, (-5, 0)), (180, (0, 5)), (-90, (5, 0)), (270, (5, 0)), (-180, (0, 5))],
 )
 def test_wind_from_ninety_degrees_blows_to_the_west(from_deg: float, towards: tuple[float, float]) -> None:
-    assert wind_velocity_ms(wind(from_deg, 5.0), "ardupilot") == pytest.approx(towards, abs=1e-6)
+    assert wind_velocity_ms(wind(from_deg, 5.0), ARDUPILOT) == pytest.approx(towards, abs=1e-6)
 
 
 def test_wind_cov_is_the_velocity_of_the_air() -> None:
-    assert wind_velocity_ms(wind_cov(3.0, -4.0), "px4") == (-4.0, 3.0)
+    assert wind_velocity_ms(wind_cov(3.0, -4.0), PX4) == (-4.0, 3.0)
 
 
-@pytest.mark.parametrize(("autopilot", "towards"), [("ardupilot", (-6, 0)), ("px4", (6, 0))])
+@pytest.mark.parametrize(("autopilot", "towards"), [(ARDUPILOT, (-6, 0)), (PX4, (6, 0))])
 def test_the_heading_of_high_latency_is_from_in_ardupilot_and_towards_in_px4(
     autopilot: Autopilot, towards: tuple[float, float]
 ) -> None:
@@ -51,7 +53,7 @@ def test_the_heading_of_high_latency_is_from_in_ardupilot_and_towards_in_px4(
     "message", [wind(0, 0), wind_cov(NAN, 1), wind_cov(1, NAN), wind_cov(0, 0), high_latency(0, 90)]
 )
 def test_not_a_number_in_wind_cov_and_exactly_no_wind_are_unknown(message: Any) -> None:
-    assert wind_velocity_ms(message, "px4") is None
+    assert wind_velocity_ms(message, PX4) is None
 
 
 @pytest.mark.parametrize(
@@ -71,4 +73,4 @@ def test_not_a_number_in_wind_cov_and_exactly_no_wind_are_unknown(message: Any) 
 )
 def test_numbers_that_no_wind_has_are_refused(message: Any) -> None:
     with pytest.raises(ImplausibleWindError):
-        wind_velocity_ms(message, "ardupilot")
+        wind_velocity_ms(message, ARDUPILOT)

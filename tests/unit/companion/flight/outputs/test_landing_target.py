@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy.spatial.transform import Rotation
 
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
+from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.outputs.landing_target import landing_target, local_origin_enu_m
 from slz.frame import LocalFrame
@@ -21,7 +23,7 @@ S = 1_000_000_000
 COORDINATE = st.floats(-200, 200)
 POINT = st.tuples(COORDINATE, COORDINATE, COORDINATE)
 ANGLE = st.floats(-math.pi, math.pi)
-ARDUPILOT = VehicleState(sysid=1, autopilot="ardupilot")
+COPTER = VehicleState(sysid=1, autopilot=ARDUPILOT)
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 
 
@@ -29,14 +31,14 @@ def px4(local_ned_m: tuple[float, float, float]) -> VehicleState:
     """Return a PX4 at the origin of the map that gives itself this local position."""
     return VehicleState(
         sysid=1,
-        autopilot="px4",
+        autopilot=PX4,
         position_lla=(FRAME.lat_deg, FRAME.lon_deg, FRAME.alt_m),
         velocity_ned_ms=(0.0, 0.0, 0.0),
         local_ned_m=local_ned_m,
     )
 
 
-def target(point: Any, at: Pose, vehicle: VehicleState = ARDUPILOT, **kwargs: Any) -> Any:
+def target(point: Any, at: Pose, vehicle: VehicleState = COPTER, **kwargs: Any) -> Any:
     options = {"now_ns": 10 * S, "pose_timeout_s": 0.5, "frame": FRAME} | kwargs
     return landing_target(vehicle, point, at, **options)
 
@@ -98,7 +100,7 @@ def test_px4_gets_its_local_frame_and_our_own_clock() -> None:
 
 
 def test_px4_gets_nothing_while_its_origin_is_unknown() -> None:
-    assert target((3, 4, -10), pose((0, 0, 0)), VehicleState(autopilot="px4")) is None
+    assert target((3, 4, -10), pose((0, 0, 0)), VehicleState(autopilot=PX4)) is None
     assert target((3, 4, -10), pose((0, 0, 0)), px4((1.0, 2.0, 3.0)), frame=None) is None
 
 

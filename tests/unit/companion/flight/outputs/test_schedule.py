@@ -19,7 +19,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.landing.look_ahead import LEVEL_M, limit_velocity
-from companion.flight.link.flight_modes import Autopilot
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
+from companion.flight.link.autopilots.autopilot_interface import OTHER, Autopilot
+from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.mapping import vehicle_surroundings as surroundings
@@ -72,7 +74,7 @@ class FakeLink:
 class Flight:
     """A vehicle 10 m above flat ground, facing east, with a tower 6 m north of it."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, autopilot: Autopilot = "ardupilot") -> None:
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, autopilot: Autopilot = ARDUPILOT) -> None:
         self.now_ns = 50 * S
         self.quat_wxyz = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
         for module in (schedule, surroundings):
@@ -232,7 +234,7 @@ def test_points_reach_ardupilot_only_each_batch_with_a_stamp_of_its_own(
     assert (points[0].x, points[0].y, points[0].z) == pytest.approx((0, -6, 0), abs=0.01)
     kinds = [m.get_type() for m in flight.link.sent]
     assert all(b == "OBSTACLE_DISTANCE" for a, b in itertools.pairwise(kinds) if a == "OBSTACLE_DISTANCE_3D")
-    px4 = Flight(monkeypatch, "px4")
+    px4 = Flight(monkeypatch, PX4)
     px4.maps()
     px4.sees_ground()
     px4.streams.send_obstacles()
@@ -272,7 +274,7 @@ def test_an_unknown_height_is_not_told(flight: Flight) -> None:
 
 
 @given(
-    st.sampled_from(["ardupilot", "px4", "other"]),
+    st.sampled_from([ARDUPILOT, PX4, OTHER]),
     st.tuples(*[st.floats(-50, 50)] * 3),
     st.integers(1, 10**12),
 )
@@ -285,7 +287,7 @@ def test_no_target_ever_steps_into_a_trap(
         flight.streams.target_enu_m = np.array(point)
         flight.streams.send_target()
     (message,) = flight.link.sent
-    frames = {"px4": mavlink.MAV_FRAME_LOCAL_NED}
+    frames = {PX4: mavlink.MAV_FRAME_LOCAL_NED}
     assert message.frame == frames.get(autopilot, mavlink.MAV_FRAME_BODY_FRD)
     assert message.position_valid == 1
     assert message.distance > 0
@@ -320,7 +322,7 @@ def test_rates_are_kept_on_a_clock_that_only_the_loop_moves() -> None:
     steps = itertools.count(2 * MS, 2 * MS)
     loop = LockstepLoop(lambda: next(steps))
     parameters = Parameters()
-    link = FakeLink("ardupilot")
+    link = FakeLink(ARDUPILOT)
     link.vehicle = replace(link.vehicle, boot_ms=None)
 
     async def fly() -> dict[str, Any]:

@@ -5,7 +5,8 @@ import pytest
 
 from companion.flight.landing.interruptions.preconditions import TABLE, Precondition, Reaction, Stage
 from companion.flight.landing.situation import MissingInput, Phase, Severity, VehicleCommands
-from companion.flight.link.flight_modes import ARDUCOPTER, PX4
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
+from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.statustext import CHUNK_BYTES
 from slz import PointState
 from tests import REPOSITORY
@@ -222,7 +223,7 @@ def test_a_mode_taken_by_the_autopilot_s_failsafe_is_not_the_pilot_s(phase: Phas
     assert flight.executive.tally.failsafes == ["Battery 1 low voltage"]
 
 
-@pytest.mark.parametrize("mode", [max(ARDUCOPTER, key=len), max(PX4, key=len), "AUTO.RTL"])
+@pytest.mark.parametrize("mode", [max(ARDUPILOT.modes, key=len), max(PX4.modes, key=len), "AUTO.RTL"])
 @pytest.mark.parametrize("cause", ["GPS lost", "x" * CHUNK_BYTES])
 def test_every_text_about_a_failsafe_fits_one_statustext(mode: str, cause: str) -> None:
     flight = flown_to(Phase.APPROACH)

@@ -15,19 +15,21 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from scipy.spatial.transform import Rotation
 
 from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
+from companion.flight.link.autopilots.ardupilot import ARDUPILOT
+from companion.flight.link.autopilots.autopilot_interface import OTHER, Autopilot
+from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.outputs.external_position.odometry_message import clock_message, odometry_message
 from companion.flight.outputs.external_position.odometry_stream import OdometryStream
-from params import required
 from slz.frame import LocalFrame
 
 MS, S = 1_000_000, 1_000_000_000
 TAKEN, NOW = 50 * S, 50 * S + 220 * MS
-HELD = {"ardupilot": 200 * MS, "px4": 0}  # ArduPilot: VISO_DELAY_MS
+HELD = {ARDUPILOT: 200 * MS, PX4: 0}  # ArduPilot: VISO_DELAY_MS
 ORIGIN = np.array([100.0, -20.0, 3.0])
 FRAME = LocalFrame(47.0, 8.0, 400.0)
-VEHICLES = {name: VehicleState(sysid=1, autopilot=name) for name in ("ardupilot", "px4")}
-AUTOPILOTS = pytest.mark.parametrize("autopilot", sorted(VEHICLES))
+VEHICLES = {name: VehicleState(sysid=1, autopilot=name) for name in (ARDUPILOT, PX4)}
+AUTOPILOTS = pytest.mark.parametrize("autopilot", list(VEHICLES))
 NED_FROM_ENU = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
 ANGLE, TILT = st.floats(-math.pi, math.pi), st.floats(-1.2, 1.2)
 
@@ -53,7 +55,7 @@ def estimate(roll: float = 0.0, pitch: float = 0.0, yaw: float = 0.0, **changes:
     return replace(made, **changes)
 
 
-def sent(made: OdometryEstimate, autopilot: str = "ardupilot", now_ns: int = NOW) -> Any:
+def sent(made: OdometryEstimate, autopilot: Autopilot = ARDUPILOT, now_ns: int = NOW) -> Any:
     """Return the message as the other side decodes it, None for none."""
     message = odometry_message(VEHICLES[autopilot], made, ORIGIN, now_ns)
     if message is None:
@@ -77,14 +79,14 @@ def square(triangle: list[float]) -> NDArray[np.float64]:
 def test_each_autopilot_gets_the_frame_and_the_estimator_type_that_it_reads() -> None:
     local_frd, local_ned = mavlink.MAV_FRAME_LOCAL_FRD, mavlink.MAV_FRAME_LOCAL_NED
     lidar, vision = mavlink.MAV_ESTIMATOR_TYPE_LIDAR, mavlink.MAV_ESTIMATOR_TYPE_VISION
-    for autopilot, frame, kind in (("ardupilot", local_frd, lidar), ("px4", local_ned, vision)):
+    for autopilot, frame, kind in ((ARDUPILOT, local_frd, lidar), (PX4, local_ned, vision)):
         message = sent(estimate(), autopilot)
         assert (message.frame_id, message.child_frame_id) == (frame, mavlink.MAV_FRAME_BODY_FRD)
         assert message.estimator_type == kind
 
 
 @AUTOPILOTS
-def test_position_is_north_east_down_of_the_autopilot_s_origin(autopilot: str) -> None:
+def test_position_is_north_east_down_of_the_autopilot_s_origin(autopilot: Autopilot) -> None:
     message = sent(estimate(), autopilot)
     assert (message.x, message.y, message.z) == pytest.approx((4, 3, -20))
     assert message.time_usec == (TAKEN + HELD[autopilot]) // 1000
@@ -93,7 +95,7 @@ def test_position_is_north_east_down_of_the_autopilot_s_origin(autopilot: str) -
 @AUTOPILOTS
 @given(ANGLE, TILT, ANGLE)
 def test_the_velocity_turned_back_is_that_of_the_map(
-    autopilot: str, roll: float, pitch: float, yaw: float
+    autopilot: Autopilot, roll: float, pitch: float, yaw: float
 ) -> None:
     message = sent(estimate(roll, pitch, yaw), autopilot)
     w, x, y, z = message.q
@@ -149,14 +151,14 @@ def test_the_covariance_of_roll_pitch_and_yaw_is_that_of_many_turned_vehicles(
 
 
 def test_the_delay_that_ardupilot_subtracts_is_that_of_its_parameter_file() -> None:
-    rows = {row.name: row for row in required("ardupilot", odometry=True)}
-    assert rows["VISO_DELAY_MS"].value * MS == HELD["ardupilot"]
+    rows = {row.name: row for row in ARDUPILOT.required(odometry=True)}
+    assert rows["VISO_DELAY_MS"].value * MS == HELD[ARDUPILOT]
     assert (rows["VISO_DELAY_MS"].level, rows["VISO_DELAY_MS"].accepted) == ("needed", ())
 
 
-@pytest.mark.parametrize(("autopilot", "first", "last"), [("ardupilot", 200, 250), ("px4", 0, 300)])
+@pytest.mark.parametrize(("autopilot", "first", "last"), [(ARDUPILOT, 200, 250), (PX4, 0, 300)])
 def test_an_old_estimate_and_one_that_comes_too_early_are_not_sent(
-    autopilot: str, first: int, last: int
+    autopilot: Autopilot, first: int, last: int
 ) -> None:
     for age_ns, goes in (
         (first * MS - 1, False), (first * MS, True), (last * MS, True), (last * MS + 1, False),
@@ -166,7 +168,7 @@ def test_an_old_estimate_and_one_that_comes_too_early_are_not_sent(
 
 @AUTOPILOTS
 @pytest.mark.parametrize("axis", range(6))
-def test_the_autopilot_s_own_estimate_is_not_sent_back_as_a_position(autopilot: str, axis: int) -> None:
+def test_the_autopilot_s_own_estimate_is_not_sent_back_as_a_position(autopilot: Autopilot, axis: int) -> None:
     observed = np.ones(6, np.bool_)
     observed[axis] = False
     message = sent(estimate(observed=observed), autopilot)
@@ -203,10 +205,10 @@ def test_a_quaternion_that_is_no_rotation_and_a_pitch_that_leaves_yaw_open_are_n
 
 
 def test_nothing_is_sent_to_an_autopilot_that_is_not_known_or_whose_origin_is_not() -> None:
-    assert odometry_message(VehicleState(autopilot="other"), estimate(), ORIGIN, NOW) is None
+    assert odometry_message(VehicleState(autopilot=OTHER), estimate(), ORIGIN, NOW) is None
     assert odometry_message(VehicleState(), estimate(), ORIGIN, NOW) is None
-    assert odometry_message(VEHICLES["px4"], estimate(), None, NOW) is None
-    assert odometry_message(VEHICLES["px4"], estimate(), ORIGIN * math.nan, NOW) is None
+    assert odometry_message(VEHICLES[PX4], estimate(), None, NOW) is None
+    assert odometry_message(VEHICLES[PX4], estimate(), ORIGIN * math.nan, NOW) is None
 
 
 def test_a_map_that_began_anew_is_counted_in_eight_bits() -> None:
@@ -216,7 +218,7 @@ def test_a_map_that_began_anew_is_counted_in_eight_bits() -> None:
 # ---- the stream -----------------------------------------------------------------------------------------
 
 
-def flying(autopilot: str, armed: bool = True) -> VehicleState:
+def flying(autopilot: Autopilot, armed: bool = True) -> VehicleState:
     return replace(
         VEHICLES[autopilot],
         armed=armed,
@@ -231,7 +233,7 @@ def kinds(messages: list[Any]) -> list[str]:
 
 
 @AUTOPILOTS
-def test_each_estimate_is_sent_once_at_its_time_and_thirty_a_second_at_most(autopilot: str) -> None:
+def test_each_estimate_is_sent_once_at_its_time_and_thirty_a_second_at_most(autopilot: Autopilot) -> None:
     stream, vehicle, ages, times = OdometryStream(), flying(autopilot), [], []
     for step in range(600):  # estimates of 10 ms, looked for each 2 ms, 50 ms old
         now = NOW + 2 * step * MS
@@ -242,27 +244,27 @@ def test_each_estimate_is_sent_once_at_its_time_and_thirty_a_second_at_most(auto
                 times.append(message.time_usec)
                 ages.append(now - 1000 * message.time_usec + HELD[autopilot])
                 assert (message.x, message.y, message.z) == pytest.approx((2, 1, -3), abs=1e-6)
-    assert len(times) == len(set(times)) == (27 if autopilot == "ardupilot" else 30)
+    assert len(times) == len(set(times)) == (27 if autopilot is ARDUPILOT else 30)
     assert np.diff(times).min() >= 33_000
-    assert set(ages) == ({200 * MS} if autopilot == "ardupilot" else {50 * MS})
+    assert set(ages) == ({200 * MS} if autopilot is ARDUPILOT else {50 * MS})
 
 
 def test_an_estimate_older_than_the_last_is_not_sent() -> None:
     stream = OdometryStream()
-    assert len(stream.due(flying("px4"), estimate(stamp_ns=NOW), FRAME, NOW)) == 1
-    assert stream.due(flying("px4"), estimate(stamp_ns=NOW - 100 * MS), FRAME, NOW) == []
+    assert len(stream.due(flying(PX4), estimate(stamp_ns=NOW), FRAME, NOW)) == 1
+    assert stream.due(flying(PX4), estimate(stamp_ns=NOW - 100 * MS), FRAME, NOW) == []
 
 
 def test_an_estimate_that_waited_too_long_is_not_sent() -> None:
-    stream, vehicle = OdometryStream(), flying("ardupilot")
+    stream, vehicle = OdometryStream(), flying(ARDUPILOT)
     assert stream.due(vehicle, estimate(), FRAME, TAKEN + 100 * MS) == []
     assert stream.due(vehicle, None, FRAME, TAKEN + 251 * MS) == []
 
 
 def test_nothing_is_sent_without_a_map_frame_or_a_local_origin() -> None:
-    assert OdometryStream().due(flying("px4"), estimate(), None, NOW) == []
-    assert OdometryStream().due(VehicleState(autopilot="px4"), estimate(), FRAME, NOW) == []
-    assert kinds(OdometryStream().due(flying("px4"), estimate(), FRAME, NOW)) == ["ODOMETRY"]
+    assert OdometryStream().due(flying(PX4), estimate(), None, NOW) == []
+    assert OdometryStream().due(VehicleState(autopilot=PX4), estimate(), FRAME, NOW) == []
+    assert kinds(OdometryStream().due(flying(PX4), estimate(), FRAME, NOW)) == ["ODOMETRY"]
 
 
 def test_ardupilot_is_shown_the_clock_with_estimates_once_a_second_and_on_the_ground_ten_times() -> None:
@@ -271,12 +273,12 @@ def test_ardupilot_is_shown_the_clock_with_estimates_once_a_second_and_on_the_gr
         for step in range(100):
             now = TAKEN + 20 * step * MS
             given_estimate = estimate(stamp_ns=now - now % (100 * MS)) if made else None
-            due = stream.due(flying("ardupilot", armed), given_estimate, FRAME, now)
+            due = stream.due(flying(ARDUPILOT, armed), given_estimate, FRAME, now)
             shown = [m for m in due if m.get_type() == "VISION_SPEED_ESTIMATE"]
             assert all(m.usec == now // 1000 for m in shown)
             clocks += len(shown)
         assert clocks == count
-        assert stream.due(flying("px4", armed), None, FRAME, NOW) == []
+        assert stream.due(flying(PX4, armed), None, FRAME, NOW) == []
 
 
 def test_the_clock_message_carries_no_velocity() -> None:

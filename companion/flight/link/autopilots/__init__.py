@@ -1,0 +1,1 @@
+"""Autopilots: an object each that says how it differs, and the registry that finds it by its heartbeat."""
