@@ -264,7 +264,7 @@ class FenceReader:
         One that some versions lack keeps its value of before while it is not answered.
         """
         needed, versions = rules.needed, rules.versions
-        if needed[0] in reader.absent or (has_none and needed[0] not in reader.values):
+        if not needed or needed[0] in reader.absent or (has_none and needed[0] not in reader.values):
             return {}
         if any(name not in reader.values for name in needed):
             return None

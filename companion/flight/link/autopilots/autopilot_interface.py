@@ -63,12 +63,12 @@ class FenceRules:
 
     needed: names; an autopilot that lacks the first has no fence. versions: names that some versions lack,
     and the value without. limits: from the values, and whether SYS_STATUS reports the fence as enabled, to
-    the limits; None while the fence does not act.
+    the limits; None while the fence does not act. Without parameters there is no fence.
     """
 
-    needed: tuple[str, ...]
-    versions: Mapping[str, float]
-    limits: Callable[[Mapping[str, float], bool], FenceLimits | None]
+    needed: tuple[str, ...] = ()
+    versions: Mapping[str, float] = field(default_factory=dict)
+    limits: Callable[[Mapping[str, float], bool], FenceLimits | None] = lambda values, enabled: None
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,8 +130,6 @@ class Autopilot:
         Message that has the mode soonest.
     own_streams
         Messages of estimator, sticks, fence and wind.
-    needs_local_position
-        Whether something is always sent in its local frame.
     overtaken_ns
         Time in which it sends fewer than 128 messages, half of the sequence numbers.
     wind_heading_is_towards
@@ -139,9 +137,10 @@ class Autopilot:
     bytewise_parameters
         Whether integers are sent by their bytes, not by value.
     parameter_file, odometry_file
-        Files of `params/autopilot` with required parameters, and with those for the LiDAR odometry.
+        Files of `params/autopilot` with required parameters, and with those for the LiDAR odometry. Without
+        the first no landing begins by itself.
     fence
-        None if it has none that can be read.
+        None if it may have one that is not read: no landing begins by itself.
     landing_target_frame
         MAV_FRAME of LANDING_TARGET: BODY_FRD or LOCAL_NED.
     open_signal_ns
@@ -178,7 +177,6 @@ class Autopilot:
 
     mode_stream: Stream = Stream("HEARTBEAT", mavlink.MAVLINK_MSG_ID_HEARTBEAT, 5.0)
     own_streams: tuple[Stream, ...] = (ESTIMATOR, STICKS, FENCE, WIND)
-    needs_local_position: bool = False
     overtaken_ns: int = 400_000_000
     wind_heading_is_towards: bool = False
 
@@ -199,6 +197,12 @@ class Autopilot:
 
     def __repr__(self) -> str:
         return self.name
+
+    @property
+    def needs_local_position(self) -> bool:
+        """Whether something is always sent in its local frame."""
+        in_its_frame = self.landing_target_frame == mavlink.MAV_FRAME_LOCAL_NED
+        return in_its_frame or self.open_signal_ns is not None
 
     def mode_name(self, vehicle_type: int, custom_mode: int) -> str:
         """Return the name of a mode; `MODE(n)` if it is unknown here."""

@@ -95,7 +95,6 @@ PX4 = Autopilot(
         STICKS,
         Stream("WIND_COV", mavlink.MAVLINK_MSG_ID_WIND_COV, 2.0, needed=False),
     ),
-    needs_local_position=True,  # for the landing target
     overtaken_ns=200_000_000,
     wind_heading_is_towards=True,  # HIGH_LATENCY2.hpp
     bytewise_parameters=True,
