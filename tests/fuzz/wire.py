@@ -30,7 +30,6 @@ from companion.flight.sensors.mavlink_ranges import MavlinkRanges
 from companion.flight.sensors.packet_stream import PacketStream
 from companion.flight.sensors.returns import Returns
 from companion.flight.sensors.sensor_registry import decoder_for
-from companion.flight.services.ftp_server import FtpServer
 from companion.flight.services.services import Services
 from companion.flight.services.settings import Settings
 from params import Parameters
@@ -71,7 +70,6 @@ HEARD = (
     "DISTANCE_SENSOR",
     "OBSTACLE_DISTANCE",
     "STATUSTEXT",
-    "FILE_TRANSFER_PROTOCOL",
 )
 
 
@@ -98,7 +96,6 @@ class FuzzedLink:
         for message in self.link._codec.decode(data):
             self.link._on_message(message, self.now_ns)
         self.services.parameters.poll(self.now_ns)
-        self.services.files.poll(self.now_ns)
         pose = self.history.latest(self.now_ns)
         if pose is not None and not np.isfinite([*pose.position_enu_m, *pose.velocity_enu_ms]).all():
             raise AssertionError(f"a pose is no number: {pose}")
@@ -176,59 +173,6 @@ def _offset(kind: Any, index: int) -> int:
 
 
 _HEARD_NUMBERS = [kind.id for kind in mavlink.mavlink_map.values() if kind.msgname in HEARD]
-
-
-class FuzzedFiles:
-    """The files of the component metadata, asked for by payloads of two stations."""
-
-    def __init__(self, _folder: Path) -> None:
-        self.files = {"/general.json.xz": b"general", "/parameter.json.xz": bytes(range(256)) * 4}
-        self.server = FtpServer(self.files)
-        self.now_ns = 10**12
-
-    def __call__(self, data: bytes) -> None:
-        self.now_ns += 10 * STEP_NS
-        payload = data[:251].ljust(251, b"\0")
-        sender = mavlink.MAVLink(None, srcSystem=254 + self.now_ns // STEP_NS % 20 // 10, srcComponent=190)
-        asked = mavlink.MAVLink_file_transfer_protocol_message(0, 1, 191, payload)
-        message = mavlink.MAVLink(None).parse_buffer(asked.pack(sender))[0]
-        answers, parts = self.server.on_message(message, 1, 191), self.server.poll(self.now_ns)
-        if len(answers) > 1 or len(parts) > 1:
-            raise AssertionError("more than one answer")
-        for answer in (*answers, *parts):
-            self._check(bytes(answer.payload))
-
-    def _check(self, payload: bytes) -> None:
-        _, _, opcode, size, asked, _, _, offset = struct.unpack_from("<HBBBBBBI", payload)
-        read = payload[12 : 12 + size]
-        if opcode not in (128, 129) or size > 239 or (opcode == 128 and 6 <= asked <= 13):
-            raise AssertionError(f"answer {opcode} to {asked}")
-        held = bool(read) and any(f[offset : offset + size] == read for f in self.files.values())
-        if opcode == 128 and asked in (5, 15) and not held:
-            raise AssertionError("bytes of no file")
-
-
-def requests() -> Sequence[bytes]:
-    """Return one request of each kind."""
-    path = b"/parameter.json.xz"
-    return [
-        struct.pack("<HBBBBBBI", 1, 0, opcode, len(path) if opcode in (3, 4, 14) else 80, 0, 0, 0, 0) + path
-        for opcode in range(1, 16)
-    ]
-
-
-def mended_request(data: bytes, rng: Random) -> bytes:
-    """Make opcode, session, size and path those of a request, each most of the time."""
-    out = bytearray(data[:251].ljust(251, b"\0"))
-    if rng.random() < 0.9:
-        out[3], out[2] = rng.choice((1, 2, 3, 4, 4, 5, 5, 14, 15, 15)), rng.randrange(12)
-    if rng.random() < 0.7:
-        path = rng.choice((b"/parameter.json.xz", b"general.json.xz", b"/"))
-        out[12 : 12 + len(path)] = path
-        out[4] = len(path)
-    if rng.random() < 0.7:
-        struct.pack_into("<I", out, 8, rng.randrange(1100))
-    return bytes(out)
 
 
 class FuzzedSensor:
@@ -418,7 +362,6 @@ def _real(name: str) -> str:
 HARNESSES = (
     Harness("mavlink", mavlink_frames, lambda _f: FuzzedLink(None), mended_frame),
     Harness("mavlink-signed", mavlink_frames, lambda _f: FuzzedLink(Signing(KEY, 0)), signed_frame),
-    Harness("files", requests, FuzzedFiles, mended_request),
     Harness("livox", livox, sensor("livox"), mended_livox),
     Harness("livox-control", control, FuzzedControl),
     Harness("velodyne", velodyne, sensor("velodyne")),

@@ -63,15 +63,12 @@ class CommandReply:
         Execute the command each time it arrives; never treat it as a retransmission.
     is_in_effect
         Returns whether the command is still in effect; if not, an equal command is a new one.
-    message
-        Message that the command asks for, sent after the acknowledgement.
     """
 
     result: int
     reason: str = ""
     always: bool = False
     is_in_effect: Callable[[], bool] = lambda: True
-    message: Any | None = None
 
     @classmethod
     def accepted(cls, reason: str = "") -> CommandReply:

@@ -139,8 +139,6 @@ class Inbox:
         if result is None:
             return False
         self.outgoing.emit(result.ack)
-        if result.reply.message is not None:
-            self.outgoing.emit(result.reply.message)
         if result.executed and result.reply.reason:
             self.reason.emit(result.reply.reason, result.reply.result == mavlink.MAV_RESULT_ACCEPTED)
         return True

@@ -14,13 +14,7 @@ from companion.flight.link.link import Link
 from companion.flight.link.mission_protocol import RallyPoint
 from companion.flight.link.wire.signing import HIGHEST_TICK, Signing
 from companion.flight.link.wire.signing_key import read_key
-from companion.flight.services.component_metadata import (
-    MetadataRequests,
-    metadata_files,
-    parameter_document,
-)
 from companion.flight.services.fence_reader import FenceReader
-from companion.flight.services.ftp_server import FtpServer
 from companion.flight.services.parameter_server import ParameterHolder, ParameterServer
 from companion.flight.services.rally_points import TRANSFERS, Rally, best_points
 from companion.flight.services.settings import Settings
@@ -101,12 +95,6 @@ class Services:
         self.parameters.on_change_result.subscribe(self._tell)
         for name in ("PARAM_REQUEST_LIST", "PARAM_REQUEST_READ", "PARAM_SET"):
             link.subscribe(name, self._parameter, anyone=True)
-        order_rows = [row for holder in orders for row in holder.rows]
-        files = metadata_files(parameter_document(settings.rows, order_rows), link.component_id)
-        self.files = FtpServer(files)
-        link.subscribe("FILE_TRANSFER_PROTOCOL", self._file, anyone=True)
-        requests = MetadataRequests(files, link.component_id)
-        link.on_command(requests.answer, mavlink.MAV_CMD_REQUEST_MESSAGE)
         self._remembered = () if state is None else _read_points(state)
         self.rally = Rally(self._remembered)
         for name in sorted(TRANSFERS):
@@ -118,7 +106,7 @@ class Services:
         """Send due messages until cancelled."""
         try:
             while True:
-                for message in (*self.parameters.poll(now_ns()), *self.files.poll(now_ns())):
+                for message in self.parameters.poll(now_ns()):
                     self._link.send(message)
                 self._keep_rally_points()
                 self._read_fence()
@@ -132,10 +120,6 @@ class Services:
     def _parameter(self, message: Any, _at_ns: int) -> None:
         self.parameters.bytewise = self._link.vehicle.autopilot.bytewise_parameters
         for answer in self.parameters.on_message(message, self._link.system_id, self._link.component_id):
-            self._link.send(answer)
-
-    def _file(self, message: Any, _at_ns: int) -> None:
-        for answer in self.files.on_message(message, self._link.system_id, self._link.component_id):
             self._link.send(answer)
 
     def _mission(self, message: Any, at_ns: int) -> None:

@@ -10,8 +10,7 @@ from collections.abc import Iterator
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-import companion.flight.link.wire.component_metadata_message
-import companion.flight.link.wire.current_mode  # noqa: F401 - both add a message to the dialect's table
+import companion.flight.link.wire.current_mode  # noqa: F401 - adds a message to the dialect's table
 
 V1_MAGIC, V2_MAGIC = 0xFE, 0xFD
 SIGNATURE_BYTES = 13

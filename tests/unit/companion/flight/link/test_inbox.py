@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.link.command_server import CommandReply, CommandServer
+from companion.flight.link.command_server import CommandServer
 from companion.flight.link.inbox import Inbox
 from companion.flight.link.wire.codec import Codec
 from tests.unit.companion.flight.link.messages import ARMED, attitude, heartbeat, position, received
@@ -91,16 +91,3 @@ def test_a_heartbeat_of_component_one_that_is_no_autopilot_s_does_not_change_the
     for kind, autopilot in ((mavlink.MAV_TYPE_GCS, 3), (2, mavlink.MAV_AUTOPILOT_INVALID)):
         desk.inbox.on_message(heartbeat(kind=kind, autopilot=autopilot, sequence=2), 2 * S)
     assert (desk.inbox.vehicle.armed, desk.inbox.vehicle.mode) == (True, "GUIDED")
-
-
-def test_a_requested_message_follows_its_acknowledgement_each_time() -> None:
-    desk, sent = Desk(), list[str]()
-    desk.inbox.outgoing.subscribe(lambda message: sent.append(message.get_type()))
-    asked = CommandReply(
-        mavlink.MAV_RESULT_ACCEPTED, always=True, message=mavlink.MAVLink_ping_message(0, 0, 0, 0)
-    )
-    desk.server.handlers[mavlink.MAV_CMD_REQUEST_MESSAGE] = lambda _: asked
-    for number in (mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_REQUEST_MESSAGE, LAND):
-        fields = (1, US, number, 0, 397.0, 0, 0, 0, 0, 0, 0)
-        desk.hear(received(mavlink.MAVLink_command_long_message(*fields), 255, 190, len(sent)))
-    assert sent == ["COMMAND_ACK", "PING", "COMMAND_ACK", "PING", "COMMAND_ACK"]
