@@ -500,18 +500,6 @@ class Parameters(BaseModel):
         Spec("SLZ_RALLY_H", "m", OURS, "Height of a rally point above its ground.", live=True),
     ] = 20.0
 
-    # ---- ground station -------------------------------------------------------------------------
-    ground_map: Annotated[
-        Literal["off", "circle"],
-        Spec(
-            "SLZ_GROUND_MAP",
-            "",
-            OURS,
-            "Whether QGroundControl's map shows the landing point, as a circle labelled Orbit.",
-            live=True,
-        ),
-    ] = "off"
-
     # ---- landing --------------------------------------------------------------------------------
     survey_s: Annotated[
         float,

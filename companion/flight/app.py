@@ -40,7 +40,6 @@ from companion.flight.mapping.vehicle_surroundings import Surroundings
 from companion.flight.mode_requests import ModeRequests
 from companion.flight.outputs.announcers.lidar_announcer import LidarAnnouncer
 from companion.flight.outputs.announcers.odometry_announcer import OdometryAnnouncer
-from companion.flight.outputs.map_circle import landing_circle
 from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.recorder.recordings import Recordings
 from companion.flight.report_feed import ReportFeed
@@ -226,7 +225,6 @@ class Companion:
             self.link, self.history, self.surroundings, parameters,
             lambda: landing_status(self, self.situations.report_now()), ranges=ranges,
             odometry=lambda: None if self.odometry is None else self.odometry.estimate,
-            circle=lambda: landing_circle(self.situation(), parameters),
         )  # fmt: skip
         self.feed.on_new_map.subscribe(self.surroundings.forget)
         self.modes = ModeRequests(self.link, self.executive)

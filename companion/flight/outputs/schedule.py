@@ -20,7 +20,6 @@ from companion.flight.outputs.distance_sensor import downward_distance
 from companion.flight.outputs.external_position.odometry_stream import OdometryStream
 from companion.flight.outputs.landing_status import Status, status_messages
 from companion.flight.outputs.landing_target import landing_target
-from companion.flight.outputs.map_circle import MapCircle, MapCircleStream
 from companion.flight.outputs.obstacle_distance import obstacle_distance
 from companion.flight.outputs.obstacle_points import obstacle_points
 from companion.runtime.clock import now_ns
@@ -47,8 +46,6 @@ class MessageSchedule:
         forwards what it receives, so that the map would confirm itself.
     odometry
         Newest estimate of the LiDAR odometry, None without one; sent if `parameters.odometry` is "autopilot".
-    circle
-        Circle around the landing point, None without one; sent if `parameters.ground_map` is "circle".
 
     Attributes
     ----------
@@ -67,7 +64,6 @@ class MessageSchedule:
         status: Callable[[], Status],
         ranges: bool = True,
         odometry: Callable[[], OdometryEstimate | None] = lambda: None,
-        circle: Callable[[], MapCircle | None] = lambda: None,
     ) -> None:
         self._link = link
         self._history = history
@@ -77,8 +73,6 @@ class MessageSchedule:
         self._ranges = ranges
         self._odometry = odometry
         self._odometry_stream = OdometryStream()
-        self._circle, self._circle_stream = circle, MapCircleStream()
-        link.subscribe("ORBIT_EXECUTION_STATUS", self._circle_stream.on_orbit)
         self._batch_ms = 0
         self._turn = 0
         self.target_enu_m: Floats | None = None
@@ -191,10 +185,6 @@ class MessageSchedule:
         """Send the landing status to ground stations."""
         for message in status_messages(self._status(), self._boot_ms()):
             self._link.send(message)
-        if self._parameters.ground_map == "circle":
-            message = self._circle_stream.message(self._circle(), now_ns())
-            if message is not None:
-                self._link.send(message)
 
     def send_odometry(self) -> None:
         """Send each estimate of the LiDAR odometry once, if it shall aid the autopilot."""

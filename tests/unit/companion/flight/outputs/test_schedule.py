@@ -6,7 +6,6 @@ import asyncio
 import itertools
 import math
 from dataclasses import replace
-from functools import partial
 from typing import Any, cast
 
 import numpy as np
@@ -29,7 +28,6 @@ from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.flight.mapping.vehicle_surroundings import Surroundings
 from companion.flight.outputs import schedule
 from companion.flight.outputs.landing_status import Status
-from companion.flight.outputs.map_circle import MapCircle
 from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.services.settings import Settings
 from companion.runtime.lockstep_loop import LockstepLoop
@@ -408,33 +406,3 @@ def test_the_lidar_odometry_is_sent_if_the_autopilot_shall_use_it(
     assert flight.streams.statistics()["ODOMETRY"]["count"] == len(told)
     for message in told:
         assert (message.x, message.y, message.z) == pytest.approx((2, 1, -10), abs=1e-3)
-
-
-def test_the_landing_point_is_on_the_station_s_map_if_that_was_asked_for(flight: Flight) -> None:
-    settings = Settings(Parameters())
-    shown = [MapCircle(47.1, -8.2, 412.0, 3.5)]
-    flight.streams = MessageSchedule(
-        cast(Link, flight.link),
-        flight.history,
-        flight.around,
-        settings.live,
-        lambda: STATUS,
-        circle=lambda: shown[-1] if shown else None,
-    )
-    circles = partial(flight.link.of, "ORBIT_EXECUTION_STATUS")
-    flight.streams.send_status()
-    assert circles() == []
-    assert settings.change("ground_map", "circle").accepted
-    flight.streams.send_status()
-    (circle,) = circles()
-    assert (circle.x, circle.y, circle.z, circle.radius) == (471_000_000, -82_000_000, 412.0, 3.5)
-    assert circle.frame == mavlink.MAV_FRAME_GLOBAL
-    flight.link.handlers["ORBIT_EXECUTION_STATUS"](circle, flight.now_ns)  # the vehicle flies one itself
-    flight.streams.send_status()
-    assert len(circles()) == 1
-    flight.moves(5 * S)
-    flight.streams.send_status()
-    assert len(circles()) == 2
-    shown.clear()
-    flight.streams.send_status()
-    assert len(circles()) == 2
