@@ -96,10 +96,10 @@ def test_point_that_turns_unsafe_above_commit_height_is_left_for_another(height:
     assert np.hypot(*(flight.position[:2] - [-30, 0])) < 0.5
 
 
-def test_one_report_alone_ends_no_approach() -> None:
-    """High above the point it may have had few returns; the next one that says the same ends it."""
+def test_reports_of_less_than_three_seconds_end_no_approach() -> None:
+    """High above the point they may have had few returns; those of three seconds end it."""
     flight = Flight([zone(1, 60, 0)]).fly_to(Phase.APPROACH)
-    for wrong_s, aborts in ((0.8, 0), (2.5, 1)):
+    for wrong_s, aborts in ((2.5, 0), (3.5, 1)):
         flight.run(1.05 - flight.time_s % 1.0)
         flight.state = lambda _h, _point: PointState.UNSAFE
         flight.run(wrong_s)
