@@ -29,8 +29,8 @@ SCALARS = {float: "float64", int: "int64", bool: "boolean", np.bool_: "boolean",
 # Without the wrapper for C, which takes seconds of compilation over all kernels; nobody calls it.
 OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
 ROOT = Path(__file__).parents[2]
-# Where two variables on the stack share a place, LLVM writes so into the very code that Numba then compiles
-# into callers, and forgets the larger alignment: on processors with wide lanes they crash.
+# LLVM lets two variables on the stack share a place and notes this in the code of the kernel, without the
+# larger alignment. Numba compiles that code into the callers of the kernel, which crash on wide lanes.
 binding.set_option("slz", "-no-stack-coloring")
 _logged = set[str]()  # modules
 

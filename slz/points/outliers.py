@@ -73,8 +73,8 @@ def not_isolated(
     sensor_enu_m
         (3,) position of the sensor; NaN where unknown.
     looks
-        Such windows in the span for which the rule is made: an object sends back returns in each, and a
-        speck of dust at the sensor, which two pulses hit, in one.
+        How many such windows last as long as `window_s`. An object must send back as many returns in this
+        one as it would in all of them, so that two pulses on a speck of dust at the sensor are isolated.
     """
     if not len(points_enu_m):
         return np.ones(0, bool)

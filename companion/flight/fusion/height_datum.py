@@ -222,9 +222,9 @@ class _RecentGround:
     def common_m(
         self, lowest: _Lowest, known: NDArray[np.bool_], shift_m: float, sensor_enu_m: Floats
     ) -> tuple[float, float] | None:
-        """Return what shifted returns are higher in common, at the sensor and the end of the scan.
+        """Return the height (m) that shifted returns have over the ground in common, and its growth (m/s).
 
-        And how fast that grows (m/s). None where they tell none.
+        The height is that at the sensor, at the end of the scan. None where the returns do not agree.
         """
         if np.count_nonzero(known) < FEWEST_CELLS:
             return None
