@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.adaptive import Choice
 from slz.frame import MapFrame
 from slz.landing_point.corridors import Corridors
 from slz.landing_point.judgement import SelectedPoint, unknown
@@ -19,7 +18,7 @@ from slz.map_ground import Ground
 from slz.method import MethodResult, centre_of
 from slz.prior import Prior
 from slz.prior import Source as PriorSource
-from slz.report import MapReport
+from slz.report import MapReport, Report
 from slz.stages import BELIEF, METHOD
 from slz.window import Window
 from slz.window_returns import Flag, Returns, is_alone, is_for_near_map
@@ -41,7 +40,7 @@ class DefaultMethod:
         Gives ground surveyed before the flight, see `slz.prior`.
     """
 
-    fills_contours = False
+    report = Report
 
     def __init__(
         self,
@@ -94,10 +93,6 @@ class DefaultMethod:
     def watched_ground(self, enu_m: Points) -> WatchedGround | None:
         """Return the near map's ground at a point (3,) to compare scans with, None before any window."""
         return None if self.ground is None else watched_ground(enu_m, self.ground.near.terrain, self._p)
-
-    def far_is_active(self, choice: Choice) -> bool:
-        """Return False: zones of the far map are places to look closer at."""
-        return False
 
     def prior_report(self) -> MapReport | None:
         """Return the zones of ground surveyed before the flight, None without."""

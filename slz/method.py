@@ -14,7 +14,8 @@ from slz.frame import MapFrame
 from slz.landing_point.corridors import Corridors
 from slz.landing_point.judgement import SelectedPoint
 from slz.landing_point.watched_ground import WatchedGround
-from slz.report import MapReport
+from slz.report import MapReport, Report
+from slz.terrain.terrain import Tally
 from slz.terrain.terrain_view import DisplayedTerrain
 from slz.window import Window
 from slz.wires.detected_wire import Wire
@@ -32,6 +33,10 @@ class ResolutionMap(Protocol):
 
     @property
     def terrain(self) -> DisplayedTerrain: ...
+
+    @property
+    def tally(self) -> Tally | None:
+        """Numbers of cells of the last window, None in source mode."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,8 +57,9 @@ class MethodResult:
 class Method(Protocol):
     """Rules of the sources, or safer ones."""
 
-    fills_contours: bool
-    """Whether zones hold everything inside their contour, or safe cells only."""
+    @property
+    def report(self) -> type[Report]:
+        """Class of the reports."""
 
     @property
     def maps(self) -> tuple[ResolutionMap, ResolutionMap] | None:
@@ -78,9 +84,6 @@ class Method(Protocol):
 
     def watched_ground(self, enu_m: Points) -> WatchedGround | None:
         """Return the near map's ground at a point (3,) to compare scans with, None for none."""
-
-    def far_is_active(self, choice: Choice) -> bool:
-        """Tell whether the far map's zones are the report's `zones`."""
 
     def prior_report(self) -> MapReport | None:
         """Return the zones of ground surveyed before the flight, None without."""

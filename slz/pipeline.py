@@ -21,7 +21,7 @@ from slz.report import MapReport, Report
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 from slz.terrain.changes import Drawn, read_changes
 from slz.terrain.layers import Output, reaching
-from slz.terrain.terrain import EvidenceTerrain, Tally
+from slz.terrain.terrain import Tally
 from slz.terrain.terrain_maps import UNKNOWN, TerrainMaps
 from slz.window import Window
 
@@ -67,7 +67,6 @@ class Pipeline:
         self._frame: LocalFrame | None = None
         self._map_number = 0
         self._map_begins = False  # the method's maps are given up
-        self._far_is_active = False
         self._selected: SelectedPoint | None = None
         self._sensor = np.zeros(3)
 
@@ -83,12 +82,11 @@ class Pipeline:
         frame = MapFrame.of(window.frame, self._map_number)
         result = self.method.process(window, frame, self._selected, ms)
         self._map_begins = False
-        self._far_is_active = self.method.far_is_active(result.choice)
         with timed("landing_point", ms):
             self._selected = self._judge_selected(result)
         with timed("nearby", ms):
             around = nearby(result.near.terrain, result.far.terrain, window.sensor_enu_m)
-        return Report(
+        return self.method.report(
             stamp_ns=window.end_ns,
             frame=window.frame,
             near=MapReport(result.near.terrain.grid, result.near.zones),
@@ -99,7 +97,6 @@ class Pipeline:
             n_used=result.n_used,
             n_without_tile=result.near.n_without_tile,
             n_evicted=result.near.n_evicted,
-            far_is_active=self._far_is_active,
             stage_ms=ms,
             nearby=around,
             prior=self.method.prior_report(),
@@ -114,7 +111,7 @@ class Pipeline:
         names no other ground.
         """
         self._map_number += 1
-        self._map_begins, self._far_is_active = True, False
+        self._map_begins = True
         self._frame = self._selected = None
 
     @property
@@ -141,7 +138,7 @@ class Pipeline:
     def tally(self) -> Tally | None:
         """Numbers of near cells that the last window hit, derived and changed; None in source mode."""
         near = self._map(far=False)
-        return near.terrain.tally if near is not None and isinstance(near.terrain, EvidenceTerrain) else None
+        return None if near is None else near.tally
 
     def prepare(self) -> None:
         """Prefault memory for the next window; optional, for idle time.
@@ -171,11 +168,6 @@ class Pipeline:
         if (maps := self._maps) is not None:
             self._selected = self._judge(point, *maps, before=None)
 
-    @property
-    def fills_contours(self) -> bool:
-        """True in source mode: zones hold all cells inside their contour; else safe cells only."""
-        return self.method.fills_contours
-
     def state(self, which: Literal["near", "far"], box: Box) -> NDArray[np.uint8]:
         """Return 0 unsafe, 1 safe, 255 unknown for a box of a map's grid; all unknown before any window."""
         found = self._map(far=which == "far")
@@ -199,19 +191,17 @@ class Pipeline:
     def maps(
         self,
         box: Box | None = None,
-        which: Literal["near", "far", "active"] = "active",
+        which: Literal["near", "far"] = "near",
         level: int | None = None,
     ) -> TerrainMaps | None:
         """Return copies of a map over a box of its grid, by default over all ground seen; None before any.
 
         Parameters
         ----------
-        which
-            The active map is the one whose zones the last report gave as `zones`.
         level
             Level of the resolution pyramid, by default the one in use; the finest is 0.
         """
-        found = self._map(far=which == "far" or (which == "active" and self._far_is_active))
+        found = self._map(far=which == "far")
         if found is None or self._frame is None:
             return None
         terrain = found.terrain if level is None else found.terrain.maps_at_level(level)

@@ -26,14 +26,14 @@ class MapReport:
 class Report:
     """Result of one window.
 
-    near, far: the maps of fine and of coarse cells; both are maintained whichever is active. choice: features
+    near, far: the maps of fine and of coarse cells; both are maintained in flight. choice: features
     of the window, and the mode, resolution and window length chosen from them. n_points: returns of the
     window. n_alone: those without others near. n_used: returns in range of the near map. n_without_tile,
-    n_evicted: points without a tile in the memory budget, and tiles evicted. far_is_active: the far map is
-    the one to land by. stage_ms: processing time by stage; of one that runs beside others, what is left of it
-    after them. nearby: heights around the vehicle, None where its position is unknown. prior: zones on ground
-    surveyed before the flight, None without a survey: to fly to and inspect, and never to land in before the
-    other maps confirm them. wires: power lines and cables known now.
+    n_evicted: points without a tile in the memory budget, and tiles evicted. stage_ms: processing time by
+    stage; of one that runs beside others, what is left of it after them. nearby: heights around the vehicle,
+    None where its position is unknown. prior: zones on ground surveyed before the flight, None without a
+    survey: to fly to and inspect, and never to land in before the other maps confirm them. wires: power lines
+    and cables known now.
     """
 
     stamp_ns: int
@@ -46,7 +46,6 @@ class Report:
     n_used: int
     n_without_tile: int
     n_evicted: int
-    far_is_active: bool
     stage_ms: Mapping[str, float]
     nearby: Nearby | None = None
     prior: MapReport | None = None
@@ -54,19 +53,14 @@ class Report:
     n_alone: int = 0
 
     @property
-    def active(self) -> MapReport:
-        """The map to land by: the near one; in source mode that of the present mode."""
-        return self.far if self.far_is_active else self.near
-
-    @property
     def grid(self) -> Grid:
-        """Grid of the active map."""
-        return self.active.grid
+        """Grid of the map to land by, the near one."""
+        return self.near.grid
 
     @property
     def zones(self) -> tuple[Zone, ...]:
-        """Zones of the active map."""
-        return self.active.zones
+        """Zones to land in, those of the near map."""
+        return self.near.zones
 
     @property
     def total_ms(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +13,6 @@ from slz.grid import Box
 from slz.landing_point.corridors import Corridors
 from slz.landing_point.helicopter_areas import HelicopterAreas
 from slz.landing_point.obstacles import Obstacle
-from slz.lazy_fields import Lazy
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
 from slz.terrain.footing import ALL_HEADINGS
 
@@ -59,14 +59,12 @@ class LandingPoint:
 class Zone:
     """One safe landing zone (SLZ paper, sections 3.3-3.4).
 
-    box: bounding box of its cells in the grid. cells: uint8 over that box, 1 = zone; in source mode
-    everything inside the contour, in default mode the safe cells only. boundary_cells: (n, 2) traced rows and
+    box: bounding box of its cells in the grid. cells: uint8 over that box, 1 = zone, the safe cells only.
+    boundary_cells: (n, 2) traced rows and
     columns in the grid. corners_enu_m: (m, 3) boundary after the collinear filter. Counts are of cells inside
     the contour: safe, unsafe (measured), uncertain (no elevation). certainty: mean probability of the cells
-    inside the contour, 0 where unknown; in source mode SLZ paper, Eq. (16) or SLZ paper, Eq. (17). slope_deg,
-    roughness: means over its measured safe cells; in source mode over all safe cells inside the contour. why:
-    reason for its rank behind the zone before it. Cells, corners and obstacles may be computed on first read,
-    from the maps at the time of the description.
+    inside the contour, 0 where unknown. slope_deg, roughness: means over its measured safe cells. why: reason
+    for its rank behind the zone before it. What differs in source mode is in `slz.paper.paper_zone`.
     """
 
     id: int
@@ -80,23 +78,18 @@ class Zone:
     roughness: float
     boundary_cells: NDArray[np.int32]
     best: LandingPoint
-    cells: Lazy[NDArray[np.uint8]] = Lazy()
-    corners_enu_m: Lazy[NDArray[np.float64]] = Lazy()
-    obstacles: Lazy[tuple[Obstacle, ...]] = Lazy()
+    cells: NDArray[np.uint8]
+    corners_enu_m: NDArray[np.float64]
+    obstacles: Sequence[Obstacle]
     why: str = ""
 
     def with_reason(self, why: str) -> Zone:
-        """Return a copy with the reason for its rank; lazy fields stay unread."""
-        return self._with(why=why)
+        """Return a copy with the reason for its rank."""
+        return replace(self, why=why)
 
     def with_corridors(self, corridors: Corridors) -> Zone:
-        """Return a copy with the ways in and out of its best point; lazy fields stay unread."""
-        return self._with(best=replace(self.best, corridors=corridors))
-
-    def _with(self, **changed: object) -> Zone:
-        zone = object.__new__(Zone)
-        vars(zone).update(vars(self), **changed)
-        return zone
+        """Return a copy with the ways in and out of its best point."""
+        return replace(self, best=replace(self.best, corridors=corridors))
 
     def holds(self, row: int, col: int) -> bool:
         """Return whether a cell of the grid belongs to the zone."""

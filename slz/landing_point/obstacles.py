@@ -6,7 +6,9 @@ approach to the pilot.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,31 +57,57 @@ class Obstacle:
         return float(np.hypot(*beyond.T).min())
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Groups:
-    """Groups of touching cells, from which obstacles are made.
+class Obstacles(Sequence[Obstacle]):
+    """Obstacles in columns; an `Obstacle` is made when it is read.
 
-    cells: (m, 2) of the grid, group by group. ends: start and stop of each group in `cells`. highest: index
-    of each group's highest cell in `cells`. top_m, height_m: as in `Obstacle`, the top relative to a datum.
+    Parameters
+    ----------
+    cells
+        (m, 2) rows and columns in the grid of the obstacles' cells, obstacle by obstacle.
+    ends
+        (n, 2) start and stop of each obstacle in `cells`.
+    highest
+        (n,) index of each obstacle's highest cell in `cells`.
+    top_m, height_m
+        (n,) as in `Obstacle`.
     """
 
-    grid: Grid
-    cells: NDArray[np.int32]
-    ends: NDArray[np.int64]
-    highest: NDArray[np.int64]
-    top_m: NDArray[np.float32]
-    height_m: NDArray[np.float64]
+    def __init__(
+        self,
+        grid: Grid,
+        cells: NDArray[np.int32],
+        ends: NDArray[np.int64],
+        highest: NDArray[np.int64],
+        top_m: NDArray[np.float32],
+        height_m: NDArray[np.float64],
+    ) -> None:
+        self._columns = grid, cells, ends, highest
+        self._top_m, self._height_m = top_m, height_m
 
-    def over(self, datum_m: float) -> tuple[Obstacle, ...]:
-        """Return the obstacles, with the datum added to their tops."""
-        centres, tops = self.grid.centres(self.cells), self.top_m + np.float32(datum_m)
+    def over(self, datum_m: float) -> Obstacles:
+        """Return the obstacles with a datum added to their tops."""
+        return Obstacles(*self._columns, self._top_m + np.float32(datum_m), self._height_m)
+
+    def __len__(self) -> int:
+        return len(self._top_m)
+
+    @overload
+    def __getitem__(self, index: int, /) -> Obstacle: ...
+
+    @overload
+    def __getitem__(self, index: slice, /) -> list[Obstacle]: ...
+
+    def __getitem__(self, index: int | slice, /) -> Obstacle | list[Obstacle]:
+        return [*self][index]
+
+    def __iter__(self) -> Iterator[Obstacle]:
+        grid, cells, ends, highest = self._columns
+        centres = grid.centres(cells)
         centres.flags.writeable = False
-        places = centres[self.highest].tolist()
-        parts = zip(places, tops.tolist(), self.height_m.tolist(), self.ends.tolist(), strict=True)
-        return tuple(
-            Obstacle(east, north, top, over, centres[first:stop], self.grid.cell_m)
-            for (east, north), top, over, (first, stop) in parts
-        )
+        places = centres[highest].tolist()
+        parts = zip(places, self._top_m.tolist(), self._height_m.tolist(), ends.tolist(), strict=True)
+        for (east, north), top, over, (first, stop) in parts:
+            yield Obstacle(east, north, top, over, centres[first:stop], grid.cell_m)
 
 
 def horizon_at(

@@ -15,7 +15,7 @@ from slz.grid import Box, common
 from slz.kernels.raster.bitmap import packed
 from slz.kernels.raster.connected_components import highest_cells, largest_groups
 from slz.kernels.raster.horizon import box_ahead
-from slz.landing_point.obstacles import SECTORS, Groups, Obstacle, horizon_at
+from slz.landing_point.obstacles import SECTORS, Obstacle, Obstacles, horizon_at
 from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.terrain_maps import SAFE
 from slz.terrain.terrain_view import TerrainView
@@ -89,8 +89,8 @@ def surroundings(enu_m: NDArray[np.float64], terrain: TerrainView, parameters: P
     highest = highest_cells(tops_m, groups)
     over_m = tops_m[highest].astype(np.float64) - plane[cells[highest, 0], cells[highest, 1]]
     cells += np.array([box.row0, box.col0], np.int32)
-    found = Groups(grid, cells, groups[:, 4:], highest, tops_m[highest], over_m)
-    nearest = sorted(found.over(0.0), key=lambda obstacle: obstacle.distance_m(enu_m))
+    found = Obstacles(grid, cells, groups[:, 4:], highest, tops_m[highest], over_m)
+    nearest = sorted(found, key=lambda obstacle: obstacle.distance_m(enu_m))
     here = np.array([enu_m[0], enu_m[1], plane[cell.row0 - box.row0, cell.col0 - box.col0]])
     half_m = parameters.footprint_m / 2
     view = horizon_at(here, _view(terrain, box), grid, box, half_m, parameters.surround_m)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -16,7 +17,7 @@ from slz.paper.paper_zone import describe_paper_zone
 from slz.paper.window_cells import WindowCells
 from slz.zone import Zone
 from slz.zones.detection import side_in_cells
-from slz.zones.ranking import Ranking
+from slz.zones.ranking import Entry, criteria, in_order, reason
 
 Points = NDArray[np.float64]
 
@@ -25,13 +26,15 @@ class PaperMap:
     """Terrain and zones of one resolution; parameters are those of `slz.zones.zone_map.ZoneMap`."""
 
     n_without_tile = n_evicted = 0
+    tally = None
 
     def __init__(
         self, parameters: Parameters, centre_enu_m: tuple[float, float], numbers: Iterator[int]
     ) -> None:
         self._parameters = parameters
         self._tracker = RepeatFilter(parameters, numbers)
-        self._ranking = Ranking(parameters)
+        self._entries: dict[int, Entry] = {}  # of the zones, by ID
+        self._pairs: dict[tuple[int, int], tuple[Zone, Zone, Zone]] = {}  # by IDs
         self._found: tuple[Part, ...] = ()
         self.zones: tuple[Zone, ...] = ()
         grid = Grid.centred(*centre_enu_m, parameters.zone_m, parameters.cell_m)
@@ -67,4 +70,20 @@ class PaperMap:
                 part, self.terrain, self._search, sensor_enu_m, self._parameters, zone_id
             ),
         )
-        self.zones = self._ranking.of(named)
+        self.zones = self._ranked(named)
+
+    def _ranked(self, zones: list[Zone]) -> tuple[Zone, ...]:
+        """Return ranked zones as `slz.zones.ranking.rank` does; only new zones and new pairs are compared."""
+        p, entries, pairs = self._parameters, {}, {}
+        for zone in zones:
+            known = self._entries.get(zone.id)
+            entries[zone.id] = known if known and known[1] is zone else (criteria(zone, p), zone)
+        order = in_order(entries.values(), p.max_zones)
+        for above, entry in itertools.pairwise(order):
+            other, zone = above[1], entry[1]
+            pair = self._pairs.get((other.id, zone.id))
+            if pair is None or pair[0] is not other or pair[1] is not zone:
+                pair = other, zone, zone.with_reason(reason(entry, above, p))
+            pairs[other.id, zone.id] = pair
+        self._entries, self._pairs = entries, pairs
+        return (*(zone for _, zone in order[:1]), *(pair[2] for pair in pairs.values()))

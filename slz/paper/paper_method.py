@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
-from slz.adaptive import Adapter, Choice
+from slz.adaptive import Adapter
 from slz.frame import MapFrame
 from slz.grid import Grid
 from slz.landing_point.judgement import SelectedPoint, unknown
 from slz.lanes import timed
 from slz.method import MethodResult, centre_of
 from slz.paper.paper_map import PaperMap
+from slz.paper.paper_report import PaperReport
 from slz.paper.window_cells import WindowCells
 from slz.report import MapReport
 from slz.window import Window
@@ -35,7 +36,7 @@ class PaperMethod:
         Whether a return outside the zone moves it there (section 3.2.5) or is passed over.
     """
 
-    fills_contours = True
+    report = PaperReport
 
     def __init__(
         self, parameters: Parameters, centre_enu_m: tuple[float, float] | None, follow: bool
@@ -93,10 +94,6 @@ class PaperMethod:
 
     def watched_ground(self, enu_m: Points) -> None:
         """Return None: the sources judge by windows of a second alone."""
-
-    def far_is_active(self, choice: Choice) -> bool:
-        """Tell whether the far map was chosen (SLZ thesis, section 4.3.1)."""
-        return choice.far
 
     def prior_report(self) -> MapReport | None:
         """Return None: the sources know no ground surveyed before the flight."""

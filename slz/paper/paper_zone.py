@@ -8,17 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from params import Parameters
+from slz.grid import Box, Grid
 from slz.kernels.paper.zone_statistics import SUM_UNIT, corners, zonal_statistics
 from slz.kernels.raster.bitmap import unpacked
 from slz.kernels.raster.distance_transform import least_steep, square_and_clearance
 from slz.kernels.raster.region_fill import all_reach, component
+from slz.landing_point.obstacles import Obstacle
 from slz.landing_point.surroundings import horizon_towards
-from slz.lazy_fields import Deferred
 from slz.paper.paper_detection import PaperDetection, Part
-from slz.paper.paper_obstacles import source_obstacles
+from slz.paper.paper_report import Deferred, PaperZone
 from slz.paper.paper_terrain import PaperTerrain
-from slz.paper.snapshots import heights_at
+from slz.paper.snapshots import Blocks, heights_at, joined
 from slz.zone import LandingPoint, Zone
+from slz.zones.description import obstacles_of
+from slz.zones.tile_view import TileView
 
 Bits = NDArray[np.uint64]
 
@@ -43,7 +46,7 @@ def describe_paper_zone(
     own = Deferred(lambda: component(safe, first_row - box.row0, first_col - 64 * words.start))
     blocks = terrain.height_copies.of(box, held)
     n_certain = n_safe if parameters.certainty_rule == "safe" else part.n_cells - n_unknown
-    return Zone(
+    return PaperZone(
         id=zone_id,
         box=box,
         cells=Deferred(lambda: unpacked(part.content, box.col0 & 63, box.col1 - box.col0)),
@@ -64,9 +67,35 @@ def describe_paper_zone(
                 grid.cell_m,
             )
         ),
-        obstacles=Deferred(lambda: source_obstacles(holes, own.value(), blocks, box, grid)),
+        obstacles=Deferred(lambda: _obstacles(holes, own.value(), blocks, box, grid)),
         best=_best_point(part, safe, own, terrain, search, sensor_enu_m, parameters),
     )
+
+
+def _obstacles(holes: Bits, own: Bits, height_m: Blocks, box: Box, grid: Grid) -> tuple[Obstacle, ...]:
+    """Return groups of the measured unsafe cells inside a contour, with heights over the zone around them.
+
+    The sources define no such obstacles.
+
+    Parameters
+    ----------
+    holes, own
+        (rows, words) bitmaps of the unsafe cells and of the zone's own safe ones, from the word of the box's
+        first column on.
+    height_m
+        Blocks of the total DSM that cover the box.
+    """
+    first, heights = box.col0 >> 6 << 6, joined(height_m, box)
+    corner = grid.west_m + first * grid.cell_m, grid.south_m + box.row0 * grid.cell_m
+    cells = Box(0, heights.shape[0], 0, heights.shape[1])
+
+    def layer(_: str, whole: Box) -> NDArray[np.float32]:
+        below = whole.shape[0] - len(heights)
+        return np.pad(heights, ((0, below), (0, 0)), constant_values=np.nan)
+
+    view = TileView.copied(layer, cells, 0, "height_m", "top_m")
+    found, _ = obstacles_of(view, cells, own, holes, Grid(*corner, grid.cell_m, *cells.shape))
+    return tuple(found)
 
 
 def _best_point(

@@ -14,8 +14,7 @@ from slz.kernels.raster.bitmap import Bits
 from slz.kernels.raster.distance_transform import greatest_clearance
 from slz.kernels.raster.zonal_sums import common
 from slz.kernels.raster.zone_views import heights_at, zone_obstacles
-from slz.landing_point.obstacles import Groups
-from slz.lazy_fields import Deferred
+from slz.landing_point.obstacles import Obstacles
 from slz.terrain.terrain_view import TerrainView
 from slz.zone import Zone
 from slz.zones.best_point import best_point
@@ -33,15 +32,17 @@ NO_GROUPS, NO_CELLS = (np.empty((0, 6), np.int64), np.empty(0)), np.empty((0, 3)
 class Content:
     """Map contents of a zone, independent of the vehicle, valid while the maps are unchanged.
 
-    All heights are over the terrain's datum, which may drift. grounds: of the obstacles' groups, as in
+    All heights are over the terrain's datum, which may drift. cells: of the candidate. corners_m: heights at
+    the corners. grounds: of the obstacles' groups, as in
     `zone_obstacles`. farthest: `greatest_clearance` of the zone's cells.
     """
 
     candidate: Candidate
+    cells: NDArray[np.uint8]
     statistics: ZonalStatistics
     corners: NDArray[np.int32]
     corners_m: NDArray[np.float32]
-    obstacles: Groups
+    obstacles: Obstacles
     grounds: tuple[NDArray[np.int64], NDArray[np.float64]]
     farthest: NDArray[np.int64]
 
@@ -63,9 +64,9 @@ class Content:
         if before is not None and candidate.same_as(before.candidate):
             if statistics.unchanged:
                 return before
-            farthest = before.farthest
+            cells, farthest = before.cells, before.farthest
         else:
-            hints = NO_CELLS
+            cells, hints = candidate.component, NO_CELLS
             if before is not None:
                 old = before.candidate.words_box
                 hints = before.farthest[:1] + np.array([old.row0 - wide.row0, old.col0 - wide.col0, 0])
@@ -78,6 +79,7 @@ class Content:
         corners = without_collinear(candidate.boundary_cells)
         return cls(
             candidate=candidate,
+            cells=cells,
             statistics=statistics,
             corners=corners,
             corners_m=heights_at(*heights[:5], corners),
@@ -96,13 +98,13 @@ def obstacles_of(
     same: NDArray[np.bool_] = NO_TILES[1],
     old: NDArray[np.int64] = NO_GROUPS[0],
     old_grounds_m: NDArray[np.float64] = NO_GROUPS[1],
-) -> tuple[Groups, tuple[NDArray[np.int64], NDArray[np.float64]]]:
+) -> tuple[Obstacles, tuple[NDArray[np.int64], NDArray[np.float64]]]:
     """Return a zone's obstacles, and their groups and grounds, see `zone_obstacles`."""
     groups, cells, highest, top_m, grounds_m = zone_obstacles(
         *view[:5], wide.row0, wide.col0, own, holes, MOST_OBSTACLES, AROUND, same, old, old_grounds_m
     )
     over_m = top_m.astype(np.float64) - grounds_m
-    return Groups(grid, cells, groups[:, 4:], highest, top_m, over_m), (groups, grounds_m)
+    return Obstacles(grid, cells, groups[:, 4:], highest, top_m, over_m), (groups, grounds_m)
 
 
 def describe(
@@ -120,18 +122,14 @@ def describe(
     grid, candidate, datum_m = terrain.grid, content.candidate, 0.0 if view is None else view.datum_m
     n_own, n_all = (common(bits, bits, 0, 0) for bits in (candidate.own_bits, candidate.content_bits))
     n_safe, n_unsafe, sure, slopes, n_slopes, roughs, n_roughs = content.statistics.totals.tolist()
-
-    def corners() -> NDArray[np.float64]:
-        height = content.corners_m + np.float32(datum_m)
-        known = np.isfinite(height)
-        if not known.all():  # unknown heights get the mean of the known ones
-            height = np.where(known, height, height[known].mean() if known.any() else 0.0)
-        return np.column_stack([grid.centres(content.corners), height])
-
+    height = content.corners_m + np.float32(datum_m)
+    known = np.isfinite(height)
+    if not known.all():  # unknown heights get the mean of the known ones
+        height = np.where(known, height, height[known].mean() if known.any() else 0.0)
     return Zone(
         id=zone_id,
         box=candidate.box,
-        cells=Deferred(lambda: candidate.component),
+        cells=content.cells,
         area_m2=n_own * grid.cell_m**2,
         certainty=sure / n_all,
         n_safe=int(n_safe),
@@ -140,7 +138,7 @@ def describe(
         slope_deg=slopes / n_slopes if n_slopes else math.nan,
         roughness=roughs / n_roughs if n_roughs else math.nan,
         boundary_cells=candidate.boundary_cells,
-        corners_enu_m=Deferred(corners),
-        obstacles=Deferred(lambda: content.obstacles.over(datum_m)),
+        corners_enu_m=np.column_stack([grid.centres(content.corners), height]),
+        obstacles=content.obstacles.over(datum_m),
         best=best_point(candidate, content.farthest, terrain, view, sensor_enu_m, parameters),
     )

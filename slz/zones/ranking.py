@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-import operator
 from collections.abc import Iterable
 
 from params import Parameters
@@ -16,49 +16,6 @@ WAY_WORDS = {int(SAFE): "clear", int(UNKNOWN): "unseen", int(UNSAFE): "blocked"}
 Entry = tuple[tuple[float, ...], Zone]  # ranking criteria of a zone, and the zone
 
 
-class Ranking:
-    """Ranking of zones from window to window, repeated only when the zones changed."""
-
-    def __init__(self, parameters: Parameters) -> None:
-        self._parameters = parameters
-        self._listed: list[Zone] = []
-        self._entries: dict[int, Entry] = {}
-        self._ranked: tuple[Zone, ...] = ()
-        self._placed: dict[tuple[int, int], tuple[Zone, Zone, Zone]] = {}
-
-    def of(self, zones: list[Zone]) -> tuple[Zone, ...]:
-        """Return the ranked zones, see `rank`."""
-        if len(zones) == len(self._listed) and all(map(operator.is_, zones, self._listed)):
-            return self._ranked
-        entries = {}
-        for zone in zones:
-            known = self._entries.get(zone.id)
-            entries[zone.id] = (
-                known if known and known[1] is zone else (criteria(zone, self._parameters), zone)
-            )
-        order = sorted(entries.values(), key=_place, reverse=True)[: self._parameters.max_zones]
-        ranked, placed = [], {}
-        above: Entry | None = None
-        for entry in order:
-            mine, zone = entry
-            if above is None:
-                ranked.append(zone)
-            else:
-                theirs, other = above
-                known_pair = self._placed.get((other.id, zone.id))
-                if not (known_pair and known_pair[0] is other and known_pair[1] is zone):
-                    known_pair = (
-                        other,
-                        zone,
-                        zone.with_reason(_why(zone, mine, other, theirs, self._parameters)),
-                    )
-                placed[other.id, zone.id] = known_pair
-                ranked.append(known_pair[2])
-            above = entry
-        self._listed, self._entries, self._ranked, self._placed = zones, entries, tuple(ranked), placed
-        return self._ranked
-
-
 def rank(zones: Iterable[Zone], parameters: Parameters) -> tuple[Zone, ...]:
     """Return zones with the best to land in first, each with the reason for its rank behind the one before.
 
@@ -67,21 +24,24 @@ def rank(zones: Iterable[Zone], parameters: Parameters) -> tuple[Zone, ...]:
     clearance up to `enough_m`, certainty, slope, horizon on the approach, distance. Each is quantised, so
     that an irrelevant difference leaves the decision to the next criterion.
     """
-    return Ranking(parameters).of(list(zones))
+    order = in_order(((criteria(zone, parameters), zone) for zone in zones), parameters.max_zones)
+    pairs = itertools.pairwise(order)
+    others = (entry[1].with_reason(reason(entry, above, parameters)) for above, entry in pairs)
+    return (*(zone for _, zone in order[:1]), *others)
 
 
-def _place(entry: Entry) -> tuple[tuple[float, ...], int]:
-    return entry[0], -entry[1].id
+def in_order(entries: Iterable[Entry], most: int) -> list[Entry]:
+    """Return the best zones, by criteria and then by ID, with their criteria."""
+    return sorted(entries, key=lambda entry: (entry[0], -entry[1].id), reverse=True)[:most]
 
 
-def _why(
-    zone: Zone, mine: tuple[float, ...], above: Zone, theirs: tuple[float, ...], parameters: Parameters
-) -> str:
+def reason(entry: Entry, above: Entry, parameters: Parameters) -> str:
     """Return the reason for a zone's rank behind another."""
-    for place, (own, other) in enumerate(zip(mine, theirs, strict=True)):
-        if own != other:
-            text, text_above = (criteria_text(one, parameters)[place] for one in (zone, above))
-            return f"{text}, zone {above.id} {text_above.split(' ', 1)[1]}"
+    (mine, zone), (theirs, other) = entry, above
+    for place, (own, better) in enumerate(zip(mine, theirs, strict=True)):
+        if own != better:
+            text, text_above = (criteria_text(one, parameters)[place] for one in (zone, other))
+            return f"{text}, zone {other.id} {text_above.split(' ', 1)[1]}"
     return "found later"
 
 

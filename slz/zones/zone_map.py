@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.grid import Box, Edges, Grid
 from slz.landing_point.corridors import Corridors
-from slz.terrain.terrain import EvidenceTerrain
+from slz.terrain.terrain import EvidenceTerrain, Tally
 from slz.terrain.tiles import Tiles
 from slz.zone import Zone
 from slz.zones.description import Content, describe
@@ -56,6 +56,11 @@ class ZoneMap:
     def tiles(self) -> Tiles:
         """Evidence of the map."""
         return self.terrain.tiles
+
+    @property
+    def tally(self) -> Tally:
+        """Numbers of cells of the last window."""
+        return self.terrain.tally
 
     def use(self, parameters: Parameters) -> None:
         """Use other parameters that shape no map, such as `min_certainty`, from the next window on."""

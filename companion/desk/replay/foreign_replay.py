@@ -30,6 +30,7 @@ from slz import (
     Windower,
     without_specks,
 )
+from slz.paper.paper_report import chosen_map
 
 log = logging.getLogger(__name__)
 
@@ -118,7 +119,7 @@ class Rerun:
 
     def maps(self) -> TerrainMaps | None:
         """Return the current maps."""
-        return self._pipeline.maps()
+        return self._pipeline.maps(which=chosen_map(self.report))
 
     @property
     def vehicle(self) -> VehicleState:

@@ -22,6 +22,7 @@ from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
 from companion.flight.sensors.returns import Returns
 from params import Parameters, rows
 from slz import LocalFrame, Pipeline, Report, Scan, SpeckDetector, TerrainMaps, without_specks
+from slz.paper.paper_report import chosen_map
 from slz.window import join
 
 log = logging.getLogger(__name__)
@@ -107,7 +108,7 @@ class Replay:
 
     def maps(self) -> TerrainMaps | None:
         """Return the current maps."""
-        return self._pipeline.maps()
+        return self._pipeline.maps(which=chosen_map(self.report))
 
     @property
     def history(self) -> PoseHistory:

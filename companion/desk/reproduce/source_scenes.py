@@ -14,6 +14,7 @@ from companion.desk.reproduce.survey_recording import SurveyFlight, SurveyRecord
 from companion.desk.reproduce.truth_comparison import Scores, compare
 from params import Parameters
 from slz import Pipeline, Report, TerrainMaps, zone_mask
+from slz.paper.paper_report import chosen_map
 
 Settings = tuple[str, ...]
 
@@ -119,7 +120,7 @@ def run(case: Case, folder: Path) -> tuple[CaseOutcome, SurveyRecording]:
         report = pipeline.process(window)
         ms.append(1e3 * (time.perf_counter() - started))
         ids |= {zone.id for zone in report.zones}
-    maps = pipeline.maps()
+    maps = pipeline.maps(which=chosen_map(report))
     if report is None or maps is None:
         raise RuntimeError(f"{case.name}: nothing was seen")
     scores = compare(recording, maps, report.zones, parameters)

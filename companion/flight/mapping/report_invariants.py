@@ -1,4 +1,4 @@
-"""Invariants of every report, from any method: a report that breaks one is withdrawn."""
+"""Invariants of every report in flight: a report that breaks one is withdrawn."""
 
 from __future__ import annotations
 
@@ -27,10 +27,6 @@ class LateReportError(BrokenInvariantError):
 
 class Verdicts(Protocol):
     """Maps from which a report was derived."""
-
-    @property
-    def fills_contours(self) -> bool:
-        """Whether zones include all cells inside their contour, unsafe ones too, as in source mode."""
 
     def state(self, which: Which, box: Box) -> NDArray[np.uint8]:
         """Return the states of a box: 0 unsafe, 1 safe, 255 unknown."""
@@ -86,8 +82,6 @@ class Invariants:
             raise BrokenInvariantError(f"zone {zone.id} has numbers that cannot be")
         if not zone.holds(*found.grid.index(float(zone.best.enu_m[0]), float(zone.best.enu_m[1]))):
             raise BrokenInvariantError(f"the landing point of zone {zone.id} lies outside of it")
-        if verdicts.fills_contours:
-            return
         wrong = int(((verdicts.state(which, zone.box) != SAFE) & (zone.cells == 1)).sum())
         if wrong:
             raise BrokenInvariantError(f"{wrong} cells of zone {zone.id} are not safe in the {which} map")

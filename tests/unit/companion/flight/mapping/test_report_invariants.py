@@ -21,8 +21,6 @@ S = 1_000_000_000
 class Verdicts:
     """A map of one state."""
 
-    fills_contours = False
-
     def __init__(self, state: int = SAFE) -> None:
         self._state = state
 
@@ -58,12 +56,6 @@ def test_a_sound_report_passes(report: Report) -> None:
 def test_no_zone_lies_over_what_is_not_safe(report: Report, state: int) -> None:
     with pytest.raises(BrokenInvariantError, match="are not safe in the near map"):
         check(report, state)
-
-
-def test_the_sources_zones_fill_their_contours(report: Report) -> None:
-    verdicts = Verdicts(UNSAFE)
-    verdicts.fills_contours = True
-    Invariants().check(report, verdicts, 100 * S)
 
 
 def test_a_landing_point_lies_in_its_zone(report: Report) -> None:
