@@ -102,7 +102,7 @@ mutation: setup
 	$(INSTALL) --editable '.[mutation]'
 	NUMBA_DISABLE_JIT=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.mutation --seed $(or $(SEED),1) --count $(or $(COUNT),200)
 
-# Faults in every state of the landing; goes on where it was stopped. FLIGHTS=280 flies each once.
+# Faults in every state of the landing; goes on where it was stopped. FLIGHTS=285 flies each once.
 campaign: setup
 	$(BIN)/python -m tests.campaign --flights $(or $(FLIGHTS),2000)
 
