@@ -19,11 +19,9 @@ BEYOND_M = (0.03, 0.05, 0.075, 0.1, 0.15)
 LEAST = 200
 STREAMS: dict[str, tuple[Callable[[], RawReturns], int, int]] = {
     "VLP-16, real": (recordings.velodyne, 55_296, 4),
-    "VLP-16, simulated": (lambda: simulated_recordings.velodyne(1, plain=False), 55_296, 4),
-    "VLP-16 simulated, plain": (lambda: simulated_recordings.velodyne(1, plain=True), 55_296, 4),
+    "VLP-16, simulated": (lambda: simulated_recordings.velodyne(1), 55_296, 4),
     "OS0, real": (recordings.ouster, 97_656, 8),
-    "OS0, simulated": (lambda: simulated_recordings.ouster(1, plain=False), 195_313, 8),
-    "OS0 simulated, plain": (lambda: simulated_recordings.ouster(1, plain=True), 195_313, 8),
+    "OS0, simulated": (lambda: simulated_recordings.ouster(1), 195_313, 8),
 }
 """Stream, time between two firings of a laser (ns), and rows of a patch."""
 

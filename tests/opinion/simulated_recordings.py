@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +10,7 @@ from numpy.typing import NDArray
 from companion.flight.sensors.decoders.ouster_decoder import OusterDecoder
 from companion.flight.sensors.decoders.velodyne_decoder import VelodyneDecoder
 from companion.flight.sensors.returns import RawReturns
-from sitl.sensors import ouster_os1, vlp16
 from sitl.sensors.lidar_mount import Mount
-from sitl.sensors.optics import Noise
 from sitl.sensors.ouster_os1 import OS0, Ouster
 from sitl.sensors.pulse_lidar import PulseLidar
 from sitl.sensors.velodyne_packets import ReturnMode
@@ -27,25 +24,17 @@ UPRIGHT = Mount(lever_frd_m=(0.0, 0.0, 0.0), pitch_deg=0.0)
 SURFACES = (Kind.CONCRETE, Kind.WOOD, Kind.METAL, Kind.CAR, Kind.ASPHALT, Kind.BITUMEN, Kind.PAVING)
 
 
-def velodyne(seed: int, plain: bool) -> RawReturns:
-    """Return 0.4 s of the simulated VLP-16 in dual mode in a room 16 m wide; `plain`: see `_noise`."""
-    noise = _noise(vlp16.NOISE, plain)
-    sensor = Vlp16(np.random.default_rng(seed), UPRIGHT, mode=ReturnMode.DUAL, noise=noise)
+def velodyne(seed: int) -> RawReturns:
+    """Return 0.4 s of the simulated VLP-16 in dual mode in a room 16 m wide."""
+    sensor = Vlp16(np.random.default_rng(seed), UPRIGHT, mode=ReturnMode.DUAL)
     return VelodyneDecoder().decode(_packets(sensor, _place(seed, 8.0, 0.8), 1.0, 400_000_000))
 
 
-def ouster(seed: int, plain: bool) -> RawReturns:
-    """Return one turn of the simulated OS0 in a yard 30 m wide; `plain`: see `_noise`."""
-    sensor = Ouster(np.random.default_rng(seed), UPRIGHT, model=OS0, noise=_noise(ouster_os1.NOISE, plain))
+def ouster(seed: int) -> RawReturns:
+    """Return one turn of the simulated OS0 in a yard 30 m wide."""
+    sensor = Ouster(np.random.default_rng(seed), UPRIGHT, model=OS0)
     packets = _packets(sensor, _place(seed, 15.0, 1.2), 1.8, 100_000_000)
     return OusterDecoder(sensor.metadata).decode(packets)
-
-
-def _noise(noise: Noise, plain: bool) -> Noise:
-    """Return the noise, if `plain` without all that recordings added to it."""
-    if not plain:
-        return noise
-    return replace(noise, tail=0.0, intensity_sigma=0.0, row_sigma_m=0.0, divided=False)
 
 
 def _packets(sensor: PulseLidar, world: World, height_m: float, duration_ns: int) -> list[bytes]:
