@@ -55,7 +55,7 @@ def survey_rows(work: Path) -> Iterator[Row]:
     costs = [_costs(recording, n_scans, which) for n_scans, which in WINDOWS.values()]
     for (name, unit), values in costs[0].items():
         both = values, *(other.get((name, unit), "-") for other in costs[1:])
-        yield f"survey, windows of {' / '.join(WINDOWS)}: {name}", " / ".join(both), unit
+        yield f"survey: {name}", " / ".join(both), unit
 
 
 def _costs(recording: SurveyRecording, n_scans: int, which: slice) -> dict[tuple[str, str], str]:
@@ -84,7 +84,7 @@ def _costs(recording: SurveyRecording, n_scans: int, which: slice) -> dict[tuple
         ("processor time, median", "ms"): f"{np.median(cpu):.1f}",
         ("processor time, p99", "ms"): f"{np.percentile(cpu, 99):.1f}",
         ("calls from Python", "a window"): f"{np.median(calls):,.0f}",
-        **{(f"stage {name}", "ms, wall time"): f"{np.median(stages[name]):.1f}" for name in by_cost},
+        **{(f"stage {name}", "ms"): f"{np.median(stages[name]):.1f}" for name in by_cost},
     }
 
 
@@ -102,11 +102,11 @@ def load_rows(work: Path, cpp: Path | None, generator: Path | None) -> Iterator[
         points = workload(generator, work, config, scan, LOAD_WINDOWS)
         mine = ours(points, config, core, "default", LOAD_WINDOWS, cpu=True)
         if program is None:
-            yield f"load {config} {scan}, window of 1 s", f"{mine.median:.1f}", f"ms; {reason}"
+            yield f"load {config} {scan}", f"{mine.median:.1f}", f"ms; {reason}"
             continue
         plain = baseline(program, points, config, core, "--maxwin", str(LOAD_WINDOWS))
         ratio = plain.median / mine.median
-        yield f"load {config} {scan}, window of 1 s", f"{mine.median:.1f}", f"ms; {ratio:.2f} × C++"
+        yield f"load {config} {scan}", f"{mine.median:.1f}", f"ms; {ratio:.2f} × C++"
 
 
 def world_rows(work: Path) -> Iterator[Row]:
@@ -212,8 +212,10 @@ def page(rows: list[Row], commit: str, load: tuple[float, float]) -> str:
         f"Commit `{commit}`, {datetime.now(UTC):%Y-%m-%d}. {os.cpu_count()} cores; load average"
         f" {load[0]:.1f} before and {load[1]:.1f} after, of which this program is 1.",
         "Processor time on a loaded machine is an upper bound, because programs share the units of a core.",
-        "[Loads](index.md#workloads-of-the-speed-comparisons): median of 20 windows. Limits of",
-        "time and memory that fail a test: `python -m pytest -m bench tests/bench/test_budgets.py`.",
+        f"Survey: windows of {' / '.join(WINDOWS)}, stages by wall time.",
+        "[Loads](index.md#workloads-of-the-speed-comparisons): median of 20 windows of 1 s.",
+        "Limits of time and memory that fail a test:",
+        "`python -m pytest -m bench tests/bench/test_budgets.py`.",
         "",
         "| figure | value | |",
         "|---|---|---|",
