@@ -200,24 +200,28 @@ def main() -> None:
     options = parser.parse_args()
     runs = [(s, h, k) for s in options.sensors for h in options.heights for k in options.seeds]
     pairs: list[tuple[NDArray[np.uint8], NDArray[np.uint8], NDArray[np.float32], Floats]] = []
-    print("| scene | sensor | water cells | safe at worst | safe at the end | dry refused, % |")
-    print("|---|---|---|---|---|---|")
     surface_ms, total_ms = list[float](), list[float]()
-    for (scene, regions), sensor in itertools.product((WATER | LAND).items(), options.sensors):
-        columns: list[list[str]] = [[], [], [], []]
-        for height, seed in itertools.product(options.heights, options.seeds):
-            flights = [fly(scene, region, sensor, height, seed, (-50, 0)) for region in regions]
-            worst = max(max(safe for _, safe in flight.moments) for flight in flights)
-            seen, end = (sum(flight.moments[-1][k] for flight in flights) for k in range(2))
-            bare = sum(flight.bare for flight in flights)
-            refused = 100 * sum(flight.refused for flight in flights) / max(1, bare)
-            surface_ms.append(float(np.median([m for flight in flights for m in flight.surface_ms])))
-            total_ms.append(float(np.median([m for flight in flights for m in flight.total_ms])))
-            pairs += [told(flight) for flight in flights]
-            for column, value in zip(columns, (seen, worst, end, f"{refused:.1f}"), strict=True):
-                column.append(str(value))
-        cells = ["0" if set(column) == {"0"} else ", ".join(column) for column in columns]
-        print(f"| {scene} | {sensor} | {' | '.join(cells)} |", flush=True)
+    for kind, heading in (
+        (WATER, "| scene | sensor | water cells | safe at worst | safe at the end | dry refused, % |"),
+        (LAND, "| scene | sensor | dry refused, % |"),
+    ):
+        print(f"\n{heading}\n|{'---|' * (heading.count('|') - 1)}")
+        for (scene, regions), sensor in itertools.product(kind.items(), options.sensors):
+            columns: list[list[str]] = [[], [], [], []]
+            for height, seed in itertools.product(options.heights, options.seeds):
+                flights = [fly(scene, region, sensor, height, seed, (-50, 0)) for region in regions]
+                worst = max(max(safe for _, safe in flight.moments) for flight in flights)
+                seen, end = (sum(flight.moments[-1][k] for flight in flights) for k in range(2))
+                bare = sum(flight.bare for flight in flights)
+                refused = 100 * sum(flight.refused for flight in flights) / max(1, bare)
+                surface_ms.append(float(np.median([m for flight in flights for m in flight.surface_ms])))
+                total_ms.append(float(np.median([m for flight in flights for m in flight.total_ms])))
+                pairs += [told(flight) for flight in flights]
+                for column, value in zip(columns, (seen, worst, end, f"{refused:.1f}"), strict=True):
+                    column.append(str(value))
+            shown = columns if kind is WATER else columns[3:]
+            cells = ["0" if set(column) == {"0"} else ", ".join(column) for column in shown]
+            print(f"| {scene} | {sensor} | {' | '.join(cells)} |", flush=True)
     print(f"\nsurface {min(surface_ms):.1f} to {max(surface_ms):.1f} ms", end="")
     print(f" of windows of {min(total_ms):.1f} to {max(total_ms):.1f} ms")
     right = n_roofs = 0
