@@ -133,7 +133,7 @@ class Companion:
         if state is not None:
             remember_vehicle(self.link, state)
         self.history = PoseHistory(parameters)
-        self.link.on_reboot.subscribe(self.history.clear)
+        self.link.inbox.on_reboot.subscribe(self.history.clear)
         self.wind = WindEstimate(parameters.drag_per_s)
         self.wind.follow(self.link)
         self.executive = Executive(parameters, auto)
@@ -202,7 +202,7 @@ class Companion:
             self.lidar.diagnosis.mount_error_deg = lambda: self.assembler.boresight.error_deg
         if own is not None:
             self.lidar.on_imu(own.gyro.add_samples)
-            self.link.on_attitude.subscribe(own.gyro.add_attitude)
+            self.link.inbox.on_attitude.subscribe(own.gyro.add_attitude)
         self.radar: Lidar | None = None
         if radar_url is not None:
             self.radar = open_beside(radar_url, parameters, self.history, self.feed.add_radar_scan)
@@ -272,9 +272,9 @@ class Companion:
             self.recordings.start_flight_recording(self._record_into)
         if self._foxglove_port is not None:
             self.live = _live_view(self, self._foxglove_port)
-        self.link.on_certain.subscribe(self.history.limit_to_certain)
-        self.link.on_attitude.subscribe(self.history.add_attitude)
-        self.link.on_position.subscribe(self.history.add_position)
+        self.link.inbox.on_certain.subscribe(self.history.limit_to_certain)
+        self.link.inbox.on_attitude.subscribe(self.history.add_attitude)
+        self.link.inbox.on_position.subscribe(self.history.add_position)
         parts: dict[str, Coroutine[Any, Any, None]] = {
             "link": self.link.run(),
             "lidar": self.lidar.run(),

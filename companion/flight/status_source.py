@@ -15,7 +15,7 @@ def landing_status(flight: FlightView, report: Report | None) -> Status:
     best = report.zones[0] if report is not None and report.zones else None
     pose = flight.history.latest(now_ns())
     over = nan if pose is None or selected is None else float(pose.position_enu_m[2]) - selected.height_m
-    timesync = flight.link.timesync
+    timesync = flight.link.inbox.clock.timesync
     return Status(
         phase=flight.executive.phase.value,
         zones=0 if report is None else len(report.zones),

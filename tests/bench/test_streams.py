@@ -61,7 +61,7 @@ async def measure(mavlink_port: int, lidar_port: int) -> dict[str, Any]:
     start = time.monotonic()
     for _ in range(int(MEASURED_S)):
         await asyncio.sleep(1)
-        residuals.append(companion.link.timesync.residual_ns * 1e-6)
+        residuals.append(companion.link.inbox.clock.timesync.residual_ns * 1e-6)
     seconds = time.monotonic() - start
     returns = float(companion.lidar.statistics()["returns"] or 0) - float(before or 0)
     companion.stop()

@@ -83,9 +83,9 @@ class FuzzedLink:
         self.services = Services(self.link, settings)
         self.link.on_command(self._answer)
         self.history = PoseHistory(parameters)
-        self.link.on_attitude.subscribe(self.history.add_attitude)
-        self.link.on_position.subscribe(self.history.add_position)
-        self.link.subscribe("*", MavlinkRanges(parameters, self.link.clock, sound).on_message)
+        self.link.inbox.on_attitude.subscribe(self.history.add_attitude)
+        self.link.inbox.on_position.subscribe(self.history.add_position)
+        self.link.subscribe("*", MavlinkRanges(parameters, self.link.inbox.clock, sound).on_message)
         self.now_ns = 10**12
 
     def _answer(self, command: OperatorCommand) -> CommandReply:

@@ -142,10 +142,10 @@ def test_poses_are_stamped_in_our_clock_whatever_their_way_took() -> None:
         port = free_port()
         errors: list[float] = []
         async with running(f"udpin:127.0.0.1:{port}") as link, autopilot_over_udp(port) as autopilot:
-            await until(lambda: link.timesync.synced)
+            await until(lambda: link.inbox.clock.timesync.synced)
             sent: dict[int, int] = {}
             link.subscribe("ATTITUDE_QUATERNION", lambda m, _: sent.update(last=m.time_boot_ms))
-            link.on_attitude.subscribe(lambda stamp, quat, rates: errors.append(stamp))
+            link.inbox.on_attitude.subscribe(lambda stamp, quat, rates: errors.append(stamp))
             autopilot.delay_s = 0.3
             await asyncio.sleep(1)
             errors.clear()
@@ -163,7 +163,7 @@ def test_positions_come_as_degrees_metres_and_north_east_down() -> None:
         port = free_port()
         seen: list[Any] = []
         async with running(f"udpin:127.0.0.1:{port}") as link, autopilot_over_udp(port):
-            link.on_position.subscribe(lambda *position: seen.append(position))
+            link.inbox.on_position.subscribe(lambda *position: seen.append(position))
             await until(lambda: seen)
             assert seen[0][1:] == (pytest.approx(47.0), pytest.approx(8.0), 412.0, (1.0, 2.0, -0.5))
 
@@ -222,16 +222,18 @@ def test_after_a_reboot_the_clock_and_the_streams_begin_anew() -> None:
     async def flight() -> None:
         port = free_port()
         async with running(f"udpin:127.0.0.1:{port}") as link, autopilot_over_udp(port) as autopilot:
-            await until(lambda: link.timesync.synced)
+            await until(lambda: link.inbox.clock.timesync.synced)
             await until(lambda: link.vehicle.position_lla)
             stamps: list[int] = []
-            link.on_attitude.subscribe(lambda stamp, quat, rates: stamps.append(stamp))
+            link.inbox.on_attitude.subscribe(lambda stamp, quat, rates: stamps.append(stamp))
             autopilot.reboot()
             # Its default streams tell of the reboot before anything is asked for.
             autopilot.intervals_s[mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION] = 0.25
             await until(lambda: link.vehicle.reboots == 1)
-            assert not link.timesync.synced
-            await until(lambda: link.timesync.synced and len(autopilot.intervals_s) == ALL_STREAMS)
+            assert not link.inbox.clock.timesync.synced
+            await until(
+                lambda: link.inbox.clock.timesync.synced and len(autopilot.intervals_s) == ALL_STREAMS
+            )
             await asyncio.sleep(1)
             assert now_ns() - 50 * MS <= stamps[-1] <= now_ns()
             assert stamps == sorted(stamps)

@@ -299,7 +299,7 @@ def test_the_link_flies_over_a_serial_line() -> None:
                 loop = asyncio.get_running_loop()
                 loop.add_reader(far, lambda: autopilot.hear(os.read(far, 4096)))
                 flight = asyncio.create_task(autopilot.fly())
-                await until(lambda: link.vehicle.attitude_wxyz and link.timesync.synced)
+                await until(lambda: link.vehicle.attitude_wxyz and link.inbox.clock.timesync.synced)
                 flight.cancel()
                 assert link.vehicle.sysid == 3
                 assert link.statistics().bad == 0

@@ -68,10 +68,10 @@ class RecordedSensors:
             self._stream = stream_for(*sensor, parameters, on_returns, wall_ns)
         self.on_imu: Event[[ImuSamples]] = Event() if self._stream is None else self._stream.on_imu
         self.history = PoseHistory(parameters, capacity=capacity)
-        self._inbox.certain.subscribe(self.history.limit_to_certain)
-        self._inbox.attitude.subscribe(self.history.add_attitude)
-        self._inbox.position.subscribe(self.history.add_position)
-        self._inbox.rebooted.subscribe(self.history.clear)
+        self._inbox.on_certain.subscribe(self.history.limit_to_certain)
+        self._inbox.on_attitude.subscribe(self.history.add_attitude)
+        self._inbox.on_position.subscribe(self.history.add_position)
+        self._inbox.on_reboot.subscribe(self.history.clear)
         self._told = _external(header, parameters, self)
         self.odometry: PlaceSource | None = None if self._told is None else self._told.odometry
         own = None
@@ -80,7 +80,7 @@ class RecordedSensors:
         if own is not None:
             self.odometry = own
             self.on_imu.subscribe(own.gyro.add_samples)
-            self._inbox.attitude.subscribe(own.gyro.add_attitude)
+            self._inbox.on_attitude.subscribe(own.gyro.add_attitude)
 
     @property
     def diagnosis(self) -> LidarDiagnosis | None:

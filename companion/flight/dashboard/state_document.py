@@ -272,7 +272,7 @@ def health(flight: FlightView) -> dict[str, Any]:
         "link_bad": link.bad,
         "link_dropped": link.dropped,
         "delay_p99_ms": _finite(link.delay_p99_ms, 1),
-        "sync_ms": _finite(link.residual_ms, 2) if flight.link.timesync.synced else None,
+        "sync_ms": _finite(link.residual_ms, 2) if flight.link.inbox.clock.timesync.synced else None,
         "windows": flight.worker.reports,
         "dropped_windows": flight.worker.dropped_windows,
         "ages_ms": np.median(flight.worker.ages_ms.array(LATENCIES), axis=1).round(1).tolist(),

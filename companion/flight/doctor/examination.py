@@ -79,7 +79,7 @@ class Examination:
         lidar = open_lidar(self.lidar_url, self.parameters, lambda returns: None, link)
         inertial = ImuObservation(Mount(self.parameters))
         lidar.on_imu(inertial.add_samples)
-        link.on_attitude(inertial.add_attitude)
+        link.inbox.on_attitude(inertial.add_attitude)
         begun_ns = now_ns()
         log.info("listening for %g s", self.seconds)
         try:

@@ -65,11 +65,11 @@ class WindEstimate:
         """Use the messages and poses of a link."""
         for name in MESSAGES:
             link.subscribe(name, lambda message, at_ns: self.on_message(message, link.vehicle, at_ns))
-        link.on_attitude.subscribe(lambda _, quat, rates: self.on_attitude(quat))
-        link.on_position.subscribe(
+        link.inbox.on_attitude.subscribe(lambda _, quat, rates: self.on_attitude(quat))
+        link.inbox.on_position.subscribe(
             lambda stamp_ns, lat, lon, alt, velocity: self.on_velocity(stamp_ns, velocity, link.vehicle)
         )
-        link.on_reboot.subscribe(self.clear)
+        link.inbox.on_reboot.subscribe(self.clear)
 
     def clear(self) -> None:
         """Discard everything: the autopilot rebooted."""

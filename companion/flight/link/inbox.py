@@ -47,6 +47,17 @@ class Inbox:
         Newest state of the vehicle, unknown until it is identified.
     foreign
         Number of messages from other senders that were not addressed to us.
+    on_change
+        Event (old, new) of the vehicle's state.
+    on_attitude
+        Event (stamp_ns, quat_wxyz, rates_rad_s): companion clock, body FRD to NED, body rates.
+    on_position
+        Event (stamp_ns, lat_deg, lon_deg, alt_msl_m, velocity_ned_ms): companion clock.
+    on_certain
+        Event (until_ns, mappings) before each pose: our time up to which stamps of poses are certain, and the
+        number of times that those after it proved wrong, see `AutopilotClock`.
+    on_reboot
+        Event when the autopilot's clock restarted.
     """
 
     def __init__(
@@ -65,16 +76,16 @@ class Inbox:
         self._followed = VehicleState()
         self._bound = False
         self.foreign = 0
-        self.outgoing: Event[[Any]] = Event()  # message to send as an answer
-        self.reason: Event[[str, bool]] = Event()  # reason, and whether the command was accepted
-        self.acknowledged: Event[[Any, int]] = Event()
-        self.heartbeat: Event[[]] = Event()
-        self.rebooted: Event[[]] = Event()
-        self.changed: Event[[VehicleState, VehicleState]] = Event()
-        self.attitude: Event[[int, Quaternion, Vector]] = Event()
-        self.position: Event[[int, float, float, float, Vector]] = Event()
-        self.certain: Event[[int | None, int]] = Event()  # certain until; number of new mappings
-        self.stranger: Event[[Candidate]] = Event()  # another vehicle, heard for the first time
+        self.on_answer: Event[[Any]] = Event()  # message to send as an answer
+        self.on_reason: Event[[str, bool]] = Event()  # reason, and whether the command was accepted
+        self.on_acknowledgement: Event[[Any, int]] = Event()
+        self.on_heartbeat: Event[[]] = Event()
+        self.on_reboot: Event[[]] = Event()
+        self.on_change: Event[[VehicleState, VehicleState]] = Event()
+        self.on_attitude: Event[[int, Quaternion, Vector]] = Event()
+        self.on_position: Event[[int, float, float, float, Vector]] = Event()
+        self.on_certain: Event[[int | None, int]] = Event()  # certain until; number of new mappings
+        self.on_stranger: Event[[Candidate]] = Event()  # another vehicle, heard for the first time
 
     @property
     def followed(self) -> VehicleState:
@@ -109,8 +120,8 @@ class Inbox:
         self._bound, old, self.vehicle = True, self.vehicle, found
         self._codec.system_id = found.sysid
         log.info("vehicle is system %d", found.sysid)
-        self.heartbeat.emit()
-        self.changed.emit(old, found)
+        self.on_heartbeat.emit()
+        self.on_change.emit(old, found)
 
     def _identify(self, message: Any, now_ns: int) -> None:
         if not is_autopilot(message):
@@ -119,12 +130,12 @@ class Inbox:
         stranger = self.identity.on_heartbeat(message, now_ns)
         if stranger is not None:
             log.warning("%s is heard too; ours is system %s", stranger, self.identity.system)
-            self.stranger.emit(stranger)
+            self.on_stranger.emit(stranger)
         if followed is not None and self.identity.system != followed:
             self._followed = VehicleState()
             self.gate.close()
             self.clock.reset()
-            self.rebooted.emit()
+            self.on_reboot.emit()
 
     def is_ours(self, message: Any) -> bool:
         """Return whether the autopilot sent a message; only heartbeats reveal an impostor."""
@@ -138,9 +149,9 @@ class Inbox:
         result = self._server.handle_command(message, self._codec.system_id, self._codec.component_id, now_ns)
         if result is None:
             return False
-        self.outgoing.emit(result.ack)
+        self.on_answer.emit(result.ack)
         if result.executed and result.reply.reason:
-            self.reason.emit(result.reply.reason, result.reply.result == mavlink.MAV_RESULT_ACCEPTED)
+            self.on_reason.emit(result.reply.reason, result.reply.result == mavlink.MAV_RESULT_ACCEPTED)
         return True
 
     def _timesync(self, message: Any, now_ns: int) -> None:
@@ -150,7 +161,7 @@ class Inbox:
                 new = note_time(self.followed, message.tc1 // 1_000_000 % 2**32, now_ns)
                 self._follow(self.followed, new)
         elif self._bound:
-            self.outgoing.emit(mavlink.MAVLink_timesync_message(*reply))
+            self.on_answer.emit(mavlink.MAVLink_timesync_message(*reply))
 
     def _acknowledgement(self, message: Any, now_ns: int) -> None:
         # Zero is broadcast; old autopilots omit the fields, which then decode as zero.
@@ -158,7 +169,7 @@ class Inbox:
             0,
             self._codec.component_id,
         ):
-            self.acknowledged.emit(message, now_ns)
+            self.on_acknowledgement.emit(message, now_ns)
 
     def _reduce(self, message: Any, now_ns: int) -> None:
         old = self.followed
@@ -183,26 +194,26 @@ class Inbox:
             log.warning("the autopilot rebooted")
             self.gate.close()
             self.clock.reset()
-            self.rebooted.emit()
+            self.on_reboot.emit()
         if self._bound:
             if beats:
-                self.heartbeat.emit()
-            self.changed.emit(old, new)
+                self.on_heartbeat.emit()
+            self.on_change.emit(old, new)
 
     def _pose(self, old: VehicleState, new: VehicleState, message: Any, now_ns: int) -> None:
         """Emit the pose of a message; a new tuple object means that the message had a valid one."""
         if new.attitude_wxyz is not None and new.attitude_wxyz is not old.attitude_wxyz:
             stamp = self._stamp_ns(message, now_ns)
             if stamp is not None and new.rates_rad_s is not None:
-                self.attitude.emit(stamp, new.attitude_wxyz, new.rates_rad_s)
+                self.on_attitude.emit(stamp, new.attitude_wxyz, new.rates_rad_s)
         if new.position_lla is not None and new.position_lla is not old.position_lla:
             stamp = self._stamp_ns(message, now_ns)
             believed = self.gate.accepts(new.fix, now_ns)
             if believed and stamp is not None and new.velocity_ned_ms is not None:
-                self.position.emit(stamp, *new.position_lla, new.velocity_ned_ms)
+                self.on_position.emit(stamp, *new.position_lla, new.velocity_ned_ms)
 
     def _stamp_ns(self, message: Any, now_ns: int) -> int | None:
         """Return our time of a pose; emit first up to when stamps are certain."""
         stamp = self.clock.stamp_ns(message.time_boot_ms, now_ns)
-        self.certain.emit(self.clock.certain_ns, self.clock.mappings)
+        self.on_certain.emit(self.clock.certain_ns, self.clock.mappings)
         return stamp

@@ -11,8 +11,6 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.link.autopilots.autopilot_interface import Stream
-from companion.flight.link.clock.autopilot_clock import AutopilotClock
-from companion.flight.link.clock.timesync import TimeSync
 from companion.flight.link.command import Command, CommandResult
 from companion.flight.link.command_server import CommandServer, Handler
 from companion.flight.link.commander import Commander
@@ -26,7 +24,7 @@ from companion.flight.link.transport.mavlink_url import parse_url
 from companion.flight.link.transport.reconnecting import Transport
 from companion.flight.link.unheard_texts import UnheardTexts
 from companion.flight.link.vehicle_identity import LISTEN_NS, Candidate, VehicleIdentity
-from companion.flight.link.vehicle_state import Quaternion, Vector, VehicleState
+from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.link.wire.codec import Codec
 from companion.flight.link.wire.key_mismatch import KeyMismatch
 from companion.flight.link.wire.signing import Signing
@@ -64,6 +62,8 @@ class Link:
 
     Attributes
     ----------
+    inbox
+        Receiver of the vehicle's messages, with its state, its clock and their events.
     identity
         Selection of the system that is the vehicle.
     connected
@@ -72,19 +72,8 @@ class Link:
         How the keys of signing have separated us from the vehicle for two seconds, None if they agree.
     system_status
         MAV_STATE of our own heartbeat; `ready` sets it.
-    on_change
-        Event (old, new) of the vehicle's state.
     on_connection
         Event (connected) when the autopilot is found, lost or found again.
-    on_attitude
-        Event (stamp_ns, quat_wxyz, rates_rad_s): companion clock, body FRD to NED, body rates.
-    on_position
-        Event (stamp_ns, lat_deg, lon_deg, alt_msl_m, velocity_ned_ms): companion clock.
-    on_certain
-        Event (until_ns, mappings) before each pose: our time up to which stamps of poses are certain, and the
-        number of times that those after it proved wrong, see `AutopilotClock`.
-    on_reboot
-        Event when the autopilot's clock restarted.
     on_text
         Event (text, severity) of each text shown to the pilot.
     on_frame, on_sent, on_time_asked
@@ -112,7 +101,7 @@ class Link:
         self._server = CommandServer()
         self.identity = VehicleIdentity(listen_ns=LISTEN_NS) if identity is None else identity
         self._alone = alone
-        self._inbox = Inbox(self._codec, self._server, self.identity, PositionGate(PATIENCE_NS))
+        self.inbox = Inbox(self._codec, self._server, self.identity, PositionGate(PATIENCE_NS))
         self._streams = StreamKeeper()
         self._commander = Commander(self._send_command)
         self._rates = RateMeter()
@@ -128,49 +117,29 @@ class Link:
         self._keys_agreed_ns: int | None = None
         self.system_status: int = mavlink.MAV_STATE_BOOT
         self.on_connection: Event[[bool]] = Event()
-        self.on_change: Event[[VehicleState, VehicleState]] = self._inbox.changed
-        self.on_attitude: Event[[int, Quaternion, Vector]] = self._inbox.attitude
-        self.on_position: Event[[int, float, float, float, Vector]] = self._inbox.position
-        self.on_certain: Event[[int | None, int]] = self._inbox.certain
-        self.on_reboot: Event[[]] = self._inbox.rebooted
         self.on_text: Event[[str, int]] = Event()
         self.on_frame: Event[[Any, int]] = Event()
         self.on_sent: Event[[bytes]] = Event()
         self.on_time_asked: Event[[int]] = Event()
-        self._inbox.outgoing.subscribe(self.send)
-        self._inbox.reason.subscribe(self._tell_reason)
-        self._inbox.acknowledged.subscribe(self._commander.acknowledge)
-        self._inbox.heartbeat.subscribe(self._heard)
-        self._inbox.rebooted.subscribe(self._streams.reset)
-        self._inbox.stranger.subscribe(self._warn_of)
+        self.inbox.on_answer.subscribe(self.send)
+        self.inbox.on_reason.subscribe(self._tell_reason)
+        self.inbox.on_acknowledgement.subscribe(self._commander.acknowledge)
+        self.inbox.on_heartbeat.subscribe(self._heard)
+        self.inbox.on_reboot.subscribe(self._streams.reset)
+        self.inbox.on_stranger.subscribe(self._warn_of)
 
     # ---- state ----------------------------------------------------------------------------------
 
     @property
     def vehicle(self) -> VehicleState:
         """Newest state of the vehicle."""
-        return self._inbox.vehicle
+        return self.inbox.vehicle
 
     @property
     def no_command_reason(self) -> str:
         """Reason not to command the vehicle (its class, or that it ignores us), empty if it may be."""
         ignored = self.key_mismatch if self.key_mismatch is KeyMismatch.NO_KEY else None
         return self.vehicle.no_command_reason or ("" if ignored is None else ignored.value)
-
-    @property
-    def believes_position(self) -> bool:
-        """Whether positions of the vehicle are passed on, and no longer withheld for lack of a fix."""
-        return self._inbox.gate.is_open
-
-    @property
-    def clock(self) -> AutopilotClock:
-        """Conversion of the autopilot's stamps to our clock."""
-        return self._inbox.clock
-
-    @property
-    def timesync(self) -> TimeSync:
-        """Clock synchronisation with the autopilot."""
-        return self._inbox.clock.timesync
 
     @property
     def system_id(self) -> int:
@@ -193,7 +162,7 @@ class Link:
 
     def statistics(self) -> LinkStatistics:
         """Return counters, rates and the state of the clock."""
-        at_ns, codec, clock = now_ns(), self._codec, self._inbox.clock
+        at_ns, codec, clock = now_ns(), self._codec, self.inbox.clock
         sync, signing = clock.timesync, codec.signing
         return LinkStatistics(
             received=codec.received,
@@ -204,7 +173,7 @@ class Link:
             unknown=codec.unknown,
             sent=codec.sent,
             dropped=self._transport.dropped,
-            foreign=self._inbox.foreign,
+            foreign=self.inbox.foreign,
             copies=codec.repeated.copies,
             old=self._old_count,
             opened=self._transport.opened,
@@ -231,7 +200,7 @@ class Link:
 
     @property
     def _old_count(self) -> int:
-        return self._codec.repeated.old_copies + self._inbox.followed.order.old
+        return self._codec.repeated.old_copies + self.inbox.followed.order.old
 
     # ---- subscriptions --------------------------------------------------------------------------
 
@@ -377,7 +346,7 @@ class Link:
     def _on_message(self, message: Any, at_ns: int) -> None:
         self.on_frame.emit(message, at_ns)
         name = message.get_type()
-        from_vehicle = self._inbox.on_message(message, at_ns)
+        from_vehicle = self.inbox.on_message(message, at_ns)
         if from_vehicle:
             self._rates.record(name, at_ns)
             self._streams.record_arrival(name, at_ns)
@@ -397,7 +366,7 @@ class Link:
     async def _tick(self) -> None:
         while True:
             at_ns, timeout_ns = now_ns(), round(self._parameters.link_timeout_s * 1e9)
-            self._inbox.confirm_vehicle(at_ns)
+            self.inbox.confirm_vehicle(at_ns)
             if self._alone and self.identity.ambiguous:
                 raise self.identity.error()
             if self._old_messages.is_news(self._old_count, at_ns):
@@ -406,7 +375,7 @@ class Link:
             if self.connected and heard_ns is not None and at_ns - heard_ns > timeout_ns:
                 self._set_connected(False)
             self._watch_keys(at_ns)
-            if self.connected and (stamp := self.timesync.request(at_ns)) is not None:
+            if self.connected and (stamp := self.inbox.clock.timesync.request(at_ns)) is not None:
                 self.on_time_asked.emit(at_ns)
                 self.send(mavlink.MAVLink_timesync_message(0, stamp))
             await asyncio.sleep(TICK_S)
@@ -470,7 +439,7 @@ class Link:
     def _momentary_mismatch(self, at_ns: int) -> KeyMismatch | None:
         if self._codec.signing is not None:
             return None if self.connected else KeyMismatch.of(self._codec.autopilot_verdict)
-        answered_ns = self.timesync.answered_ns
+        answered_ns = self.inbox.clock.timesync.answered_ns
         answers = answered_ns is not None and at_ns - answered_ns < UNANSWERED_NS
         unheard = self.connected and self._codec.vehicle_signs and not answers
         return KeyMismatch.NO_KEY if unheard else None
@@ -490,7 +459,7 @@ class Link:
 
     async def _sees_mode(self, name: str) -> bool:
         seen = asyncio.Event()
-        unsubscribe = self.on_change(lambda _, new: seen.set() if new.mode == name else None)
+        unsubscribe = self.inbox.on_change(lambda _, new: seen.set() if new.mode == name else None)
         try:
             async with asyncio.timeout(MODE_CONFIRM_S):
                 if self.vehicle.mode != name:

@@ -123,7 +123,7 @@ class NavigationSource:
         parameters
             The autopilot's parameters as last read, by name.
         """
-        forget = link.on_reboot.subscribe(self.forget)
+        forget = link.inbox.on_reboot.subscribe(self.forget)
         try:
             while True:
                 await asyncio.sleep(TICK_S)

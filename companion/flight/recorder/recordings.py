@@ -72,7 +72,7 @@ class Recordings:
             The file cannot be created.
         """
         stream, settings = self._stream, self._settings
-        link = self._link.identity, not self._link.believes_position
+        link = self._link.identity, not self._link.inbox.gate.is_open
         begun = self._wall_offset_ns(), stream.metadata, self._scans()
         topic = "" if self._odometry is None else str(self._odometry.topic)
         recorder = Recorder(path, stream.kind, settings.running, *begun, *link, topic)

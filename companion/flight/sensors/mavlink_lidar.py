@@ -26,7 +26,7 @@ class MavlinkLidar:
 
     def __init__(self, link: Link, parameters: Parameters, on_returns: OnReturns) -> None:
         self._link = link
-        self._ranges = MavlinkRanges(parameters, link.clock, on_returns)
+        self._ranges = MavlinkRanges(parameters, link.inbox.clock, on_returns)
         self.batches: Event[[Batch]] = Event()
         self.on_imu: Event[[ImuSamples]] = Event()
 

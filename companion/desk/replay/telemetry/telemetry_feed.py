@@ -94,9 +94,9 @@ class TelemetryFeed:
         inbox = self._inbox = Inbox(
             Codec(rerun.parameters.component_id), CommandServer(), VehicleIdentity(self._system), self._gate
         )
-        inbox.attitude.subscribe(rerun.history.add_attitude)
-        inbox.position.subscribe(rerun.history.add_position)
-        inbox.rebooted.subscribe(rerun.history.clear)
+        inbox.on_attitude.subscribe(rerun.history.add_attitude)
+        inbox.on_position.subscribe(rerun.history.add_position)
+        inbox.on_reboot.subscribe(rerun.history.clear)
         hear = _LogHandler(inbox, rerun)
         heard = (
             (logged.at_ns, partial(hear, logged))

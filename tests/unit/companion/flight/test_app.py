@@ -325,7 +325,7 @@ async def test_a_reboot_of_the_autopilot_begins_a_new_map(monkeypatch: pytest.Mo
         begun: list[str] = []
         monkeypatch.setattr(seat.companion.worker, "reset", lambda: begun.append("map"))
         seat.companion.feed.add_lidar_scan(scan(1))
-        seat.companion.link.on_reboot.emit()
+        seat.companion.link.inbox.on_reboot.emit()
         seat.companion.feed.add_lidar_scan(scan(2))
         assert begun == ["map"]
 

@@ -53,10 +53,10 @@ class Flight:
         self.history = PoseHistory(parameters)
         self.scans: list[Scan] = []
         self.assembler = ScanAssembler(parameters, self.history, self.scans.append)
-        self.inbox.certain.subscribe(self.history.limit_to_certain)
-        self.inbox.attitude.subscribe(self.history.add_attitude)
-        self.inbox.position.subscribe(self.history.add_position)
-        self.inbox.rebooted.subscribe(self.history.clear)
+        self.inbox.on_certain.subscribe(self.history.limit_to_certain)
+        self.inbox.on_attitude.subscribe(self.history.add_attitude)
+        self.inbox.on_position.subscribe(self.history.add_position)
+        self.inbox.on_reboot.subscribe(self.history.clear)
         self._lost_ns, self._late_ns = lost_ns, late_ns
         self._answers_until_ns = answers_until_ns
         self._wire: list[tuple[int, Callable[[int], object]]] = []

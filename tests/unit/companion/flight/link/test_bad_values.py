@@ -86,10 +86,10 @@ class Listener:
         self.history = PoseHistory(Parameters())
         self.batches: list[Returns] = []
         self.ranges = MavlinkRanges(Parameters(), self.inbox.clock, self.batches.append)
-        self.inbox.certain.subscribe(self.history.limit_to_certain)
-        self.inbox.attitude.subscribe(self.history.add_attitude)
-        self.inbox.position.subscribe(self.history.add_position)
-        self.inbox.rebooted.subscribe(self.history.clear)
+        self.inbox.on_certain.subscribe(self.history.limit_to_certain)
+        self.inbox.on_attitude.subscribe(self.history.add_attitude)
+        self.inbox.on_position.subscribe(self.history.add_position)
+        self.inbox.on_reboot.subscribe(self.history.clear)
         self.at_ms = 0
         self.hear(heartbeat(base_mode=ARMED, custom_mode=4))
 

@@ -24,9 +24,9 @@ class Desk:
         self.server = CommandServer()
         self.inbox = Inbox(Codec(US), self.server)
         self.said: list[str] = []
-        self.inbox.acknowledged.subscribe(lambda *_: self.said.append("acknowledged"))
-        self.inbox.attitude.subscribe(lambda *_: self.said.append("attitude"))
-        self.inbox.position.subscribe(lambda *_: self.said.append("position"))
+        self.inbox.on_acknowledgement.subscribe(lambda *_: self.said.append("acknowledged"))
+        self.inbox.on_attitude.subscribe(lambda *_: self.said.append("attitude"))
+        self.inbox.on_position.subscribe(lambda *_: self.said.append("position"))
         self.inbox.on_message(heartbeat(), S)
 
     def hear(self, message: Any, now_ns: int = 2 * S) -> list[str]:
@@ -75,7 +75,7 @@ def test_a_message_of_another_component_of_the_vehicle_s_system_tells_nothing_of
     message: Any,
 ) -> None:
     desk = Desk()
-    desk.inbox.outgoing.subscribe(lambda _: desk.said.append("answered"))
+    desk.inbox.on_answer.subscribe(lambda _: desk.said.append("answered"))
     desk.hear(attitude(4000))
     before = desk.inbox.vehicle
     assert desk.hear(received(message, 1, GIMBAL)) == []

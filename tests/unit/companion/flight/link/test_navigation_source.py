@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import cast
 
 import pytest
@@ -145,7 +146,7 @@ class FakeLink:
     def __init__(self, outcome: Outcome) -> None:
         self.outcome = outcome
         self.connected = True
-        self.on_reboot: Event[[]] = Event()
+        self.inbox = SimpleNamespace(on_reboot=Event[[]]())
         self.vehicle = VehicleState(
             sysid=1, autopilot=ARDUPILOT, armed=True, health=Health(had_fix=True, fixless_since_ns=1)
         )

@@ -33,7 +33,7 @@ def told(*messages: Any, patience_ns: int = PATIENCE_NS) -> list[float]:
     """Return the latitudes that are told after messages a tenth of a second apart."""
     inbox = Inbox(Codec(191), CommandServer(), gate=PositionGate(patience_ns))
     found: list[float] = []
-    inbox.position.subscribe(lambda _stamp, lat, *_: found.append(lat))
+    inbox.on_position.subscribe(lambda _stamp, lat, *_: found.append(lat))
     for k, message in enumerate((heartbeat(), *messages)):
         inbox.on_message(message, S + k * S // 10)
     return found

@@ -27,9 +27,9 @@ class Line:
         self.strangers: list[int] = []
         self.positions: list[float] = []
         self.sent: list[Any] = []
-        self.inbox.stranger.subscribe(lambda candidate: self.strangers.append(candidate.system))
-        self.inbox.position.subscribe(lambda _stamp, lat, *_: self.positions.append(round(lat)))
-        self.inbox.outgoing.subscribe(self.sent.append)
+        self.inbox.on_stranger.subscribe(lambda candidate: self.strangers.append(candidate.system))
+        self.inbox.on_position.subscribe(lambda _stamp, lat, *_: self.positions.append(round(lat)))
+        self.inbox.on_answer.subscribe(self.sent.append)
 
     def beat(self, at_s: float, system: int = 1, kind: int = COPTER, base_mode: int = 1) -> None:
         self.inbox.on_message(heartbeat(system=system, kind=kind, base_mode=base_mode), round(at_s * S))

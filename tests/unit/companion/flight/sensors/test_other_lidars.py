@@ -156,7 +156,7 @@ def test_ranges_of_the_autopilot_stand_in_for_a_lidar(monkeypatch: pytest.Monkey
     async def scenario() -> None:
         running = asyncio.ensure_future(lidar.run())
         await asyncio.sleep(0)
-        link.clock.stamp_ns(1000, 5 * 10**9)  # of a pose
+        link.inbox.clock.stamp_ns(1000, 5 * 10**9)  # of a pose
         messages["*", True].emit(beam(800, 25), 5 * 10**9)
         assert not batches  # what anyone sends is no range of the autopilot's
         messages["*", False].emit(beam(800, 25), 5 * 10**9)
