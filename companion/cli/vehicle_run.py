@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any
 from companion.flight.app import Companion
 from companion.flight.fusion.external_odometry.odometry_topic import parse_odometry_topic
 from companion.flight.rmw.zenoh_url import parse_zenoh_url
+from companion.flight.sensing import Sources
 from companion.flight.services.services import start_signing
+from companion.flight.telling import Displays
 from companion.runtime import output_folder
 from companion.runtime.priority import real_time_priority
 from companion.runtime.state_directory import StateDir
@@ -62,19 +64,20 @@ def run(
     async def fly() -> dict[str, Any]:
         companion = Companion(
             mavlink_url,
-            lidar_url,
+            Sources(
+                lidar_url,
+                radar_url,
+                None if ros2 is None else parse_zenoh_url(ros2),
+                None if ros2_odometry is None else parse_odometry_topic(ros2_odometry),
+            ),
             parameters,
             auto=auto,
             signing=signing,
             state=state,
             record=record,
-            radar_url=radar_url,
-            front=front,
-            foxglove_port=foxglove_port,
+            displays=Displays(front, foxglove_port),
             prior=prior,
             system=system,
-            ros2=None if ros2 is None else parse_zenoh_url(ros2),
-            ros2_odometry=None if ros2_odometry is None else parse_odometry_topic(ros2_odometry),
         )
         return await _run(companion, out)
 
@@ -85,7 +88,7 @@ async def _run(companion: Companion, out: Path | None) -> dict[str, Any]:
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, companion.stop)
-    watchdog = Watchdog(lambda: not companion.worker.hangs(HANGS_S))
+    watchdog = Watchdog(lambda: not companion.mapping.worker.hangs(HANGS_S))
     signs = asyncio.create_task(watchdog.run(), name="watchdog")
     companion.on_ready.subscribe(watchdog.ready)
     try:

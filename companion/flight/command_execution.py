@@ -16,7 +16,6 @@ from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
 from companion.flight.mapping.vehicle_surroundings import Surroundings
 from companion.flight.mode_requests import ModeRequests
-from companion.flight.outputs.schedule import MessageSchedule
 from companion.flight.outputs.setpoint import offboard_signal, velocity_setpoint
 from params import Parameters
 
@@ -37,6 +36,8 @@ class CommandExecution:
         Something is in the way that the last velocity led, ahead or above.
     sent_enu_ms
         Velocity of the setpoint that was sent last step, None without one.
+    target_enu_m
+        Landing point (3,) for LANDING_TARGET, None for none.
     """
 
     def __init__(
@@ -44,7 +45,6 @@ class CommandExecution:
         link: Link,
         history: PoseHistory,
         worker: PipelineWorker,
-        streams: MessageSchedule,
         surroundings: Surroundings,
         modes: ModeRequests,
         commanders: CommanderWatch,
@@ -52,10 +52,11 @@ class CommandExecution:
     ) -> None:
         self._commanders = commanders
         self._link, self._history, self._worker = link, history, worker
-        self._streams, self._surroundings, self._modes = streams, surroundings, modes
+        self._surroundings, self._modes = surroundings, modes
         self._lidar_min_m, self._aside_m = parameters.lidar_min_m, half_width_m(parameters)
         self._last_open_ns = 0
         self.sent_enu_ms: NDArray[np.float64] | None = None
+        self.target_enu_m: NDArray[np.float64] | None = None
         self.blocked = self.blocked_above = False
 
     def execute(self, commands: VehicleCommands, situation: Situation) -> None:
@@ -72,7 +73,7 @@ class CommandExecution:
         self.sent_enu_ms = None
         if self._link.no_command_reason:
             self._modes.cancel()
-            self._streams.target_enu_m = None
+            self.target_enu_m = None
             return
         if commands.mode is not None:
             self._modes.request(commands.mode)
@@ -86,7 +87,7 @@ class CommandExecution:
         elif self._must_keep_guided_open(situation) and (signal := offboard_signal(vehicle)) is not None:
             self._link.send(signal)
             self._commanders.on_setpoint(STOPPED, situation.now_ns, idle=True)
-        self._streams.target_enu_m = commands.target_enu_m
+        self.target_enu_m = commands.target_enu_m
 
     def stop_vehicle(self) -> None:
         """Send the last setpoint: ArduPilot flies on with the one before for three seconds."""

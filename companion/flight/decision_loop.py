@@ -4,41 +4,49 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+import logging
 
 from companion.flight.command_execution import CommandExecution
-from companion.flight.flight_view import FlightView
 from companion.flight.flown_path import FlownPath
+from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.landing.executive import Executive
 from companion.flight.landing.restart import Restart
-from companion.flight.map_frame import begin_frame_if_far
+from companion.flight.landing.situation import COMMANDING, Severity, Vector
+from companion.flight.link.link import Link
 from companion.flight.scan_feed import ScanFeed
 from companion.flight.situation_source import SituationSource
+from companion.runtime.event import Event
+from slz import LocalFrame
+
+log = logging.getLogger(__name__)
 
 STEP_S = 0.05
 
 
 class DecisionLoop:
-    """Steps the executive of a flight.
+    """Steps the executive, in a map frame whose origin is near.
 
-    Parameters
+    Attributes
     ----------
     on_new_frame
-        Called after another map frame has begun.
+        Event of another map frame, which has begun.
     """
 
     def __init__(
         self,
-        flight: FlightView,
+        link: Link,
+        history: PoseHistory,
         feed: ScanFeed,
+        executive: Executive,
         situations: SituationSource,
         execution: CommandExecution,
         restart: Restart,
         path: FlownPath,
-        on_new_frame: Callable[[], None],
     ) -> None:
-        self._flight, self._feed, self._situations = flight, feed, situations
-        self._execution, self._restart, self._path = execution, restart, path
-        self._on_new_frame = on_new_frame
+        self._link, self._history, self._feed = link, history, feed
+        self._executive, self._situations, self._execution = executive, situations, execution
+        self._restart, self._path = restart, path
+        self.on_new_frame: Event[[LocalFrame]] = Event()
         self._hurry = asyncio.Event()
 
     async def run(self, stop: asyncio.Event) -> None:
@@ -60,19 +68,34 @@ class DecisionLoop:
 
     def run_once(self) -> None:
         """Step the executive once and carry out its commands."""
-        flight = self._flight
         self._feed.follow_jumps()  # before the executive selects the point again, in the new map
         self._feed.warn_of_attitudes()
-        if begin_frame_if_far(flight):
+        if self.begin_frame_if_far():
             self._feed.begin_frame()
-            self._on_new_frame()
-        self._situations.blocked = self._execution.blocked
-        self._situations.blocked_above = self._execution.blocked_above
-        self._situations.asked_enu_ms = self._execution.sent_enu_ms
-        situation, vehicle = self._situations.situation(), flight.link.vehicle
-        commands = flight.executive.step(situation)
-        self._restart.update(
-            situation, flight.executive, flight.history.frame, vehicle.sysid, vehicle.boot_ms
-        )
+        situation, vehicle = self._situations.situation(), self._link.vehicle
+        commands = self._executive.step(situation)
+        self._restart.update(situation, self._executive, self._history.frame, vehicle.sysid, vehicle.boot_ms)
         self._execution.execute(commands, situation)
         self._path.follow(situation, heard_ever=vehicle.sysid is not None)
+
+    def begin_frame_if_far(self) -> bool:
+        """Begin another map frame if the vehicle is far from the origin; return whether one began.
+
+        Selected point, chosen point and flown path are converted to the new frame; the new map requests the
+        survey prior again. Between hand-over and landing the frame is kept: a landing stays within a survey's
+        reach.
+        """
+        history, old = self._history, self._history.frame
+        if old is None or self._executive.phase in COMMANDING or not history.is_far:
+            return False
+        new = history.begin_frame()
+
+        def moved(enu_m: Vector) -> Vector:
+            return new.enu_m(*old.lla(enu_m).T)
+
+        self.on_new_frame.emit(new)
+        self._executive.change_frame(moved)
+        self._path.move(moved)
+        log.warning("a new map frame begins at %.7f, %.7f", new.lat_deg, new.lon_deg)
+        self._link.statustext("SLZ: far from the map's origin: mapping anew", Severity.INFO.value)
+        return True

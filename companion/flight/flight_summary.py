@@ -13,15 +13,17 @@ from companion.flight.landing.situation import Phase
 from companion.flight.link.vehicle_class import type_name
 from companion.flight.outputs.wire_summary import wire_summary
 from companion.flight.outputs.zone_summary import choice_summary, point_summary, zone_summary
+from companion.flight.sensing import Sensing
 from slz import LocalFrame, Report
 
 
 def flight_summary(flight: FlightView) -> dict[str, Any]:
     """Return the summary of a flight that `--json` prints."""
-    executive, worker, radar = flight.executive, flight.worker, flight.radar
+    executive, worker = flight.deciding.executive, flight.mapping.worker
+    sensing = flight.sensing
     vehicle = flight.link.vehicle
-    diagnosis = flight.lidar.diagnosis
-    tally, frame = executive.tally, flight.history.frame
+    diagnosis = sensing.lidar.diagnosis
+    tally, frame = executive.tally, sensing.history.frame
     chosen = None
     if tally.chosen_enu_m is not None and frame is not None:
         chosen = {**_place(frame, tally.chosen_enu_m), "zone": tally.zone_id}
@@ -41,32 +43,32 @@ def flight_summary(flight: FlightView) -> dict[str, Any]:
         "pilot_took_over": tally.hands_off,
         "failsafes": tally.failsafes,
         "off_point_m": None if tally.off_point_m is None else round(tally.off_point_m, 2),
-        **_found(flight.report),
-        "zones_seen": len(flight.zones_seen),
+        **_found(flight.mapping.latest.newest),
+        "zones_seen": len(flight.mapping.latest.zones_seen),
         "reports": worker.reports,
         "dropped_windows": worker.dropped_windows,
         "failed_windows": worker.failed,
         "late_windows": worker.late,
         "latency_ms": _quantiles(worker.ages_ms.array().ravel()),
-        "wind": flight.wind.summary(),
-        "autopilot_parameters": flight.fitness.summary(),
+        "wind": sensing.wind.summary(),
+        "autopilot_parameters": flight.deciding.fitness.summary(),
         "streams": flight.streams.statistics(),
         "link": asdict(flight.link.statistics()),
-        "lidar": flight.lidar.statistics(),
+        "lidar": sensing.lidar.statistics(),
         "lidar_faults": [] if diagnosis is None else [episode.document() for episode in diagnosis.episodes],
-        "radar": None if radar is None else radar.statistics(),
-        "fusion": flight.assembler.statistics(),
-        "odometry": _odometry(flight),
+        "radar": None if sensing.radar is None else sensing.radar.statistics(),
+        "fusion": sensing.assembler.statistics(),
+        "odometry": _odometry(sensing),
         "recording": flight.recordings.statistics(),
-        "ros2": None if flight.ros is None else flight.ros.statistics(),
+        "ros2": None if sensing.ros is None else sensing.ros.statistics(),
     }
 
 
-def _odometry(flight: FlightView) -> dict[str, Any] | None:
-    if flight.odometry is None:
+def _odometry(sensing: Sensing) -> dict[str, Any] | None:
+    if sensing.odometry is None:
         return None
-    messages = {} if flight.ros_odometry is None else flight.ros_odometry.statistics()
-    return {"by": flight.odometry.name, **flight.odometry.statistics(), **messages}
+    messages = {} if sensing.ros_odometry is None else sensing.ros_odometry.statistics()
+    return {"by": sensing.odometry.name, **sensing.odometry.statistics(), **messages}
 
 
 def _found(report: Report | None) -> dict[str, Any]:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 
-from companion.flight.landing.situation import Situation
+from companion.flight.landing.situation import Situation, Vector
 from companion.runtime.ring_buffer import RingBuffer
 
 log = logging.getLogger(__name__)
@@ -26,6 +27,13 @@ class FlownPath:
         self.enu_m = RingBuffer(MOST, (3,))
         self._last_ns = 0
         self._was_lost = False
+
+    def move(self, moved: Callable[[Vector], Vector]) -> None:
+        """Convert the places, (n, 3), to another map frame."""
+        places = self.enu_m.array()
+        self.enu_m.clear()
+        for place in moved(places) if len(places) else ():
+            self.enu_m.append(place)
 
     def follow(self, situation: Situation, heard_ever: bool) -> None:
         """Add the place of this moment. heard_ever: an autopilot was heard before."""

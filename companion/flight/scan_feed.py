@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
-from typing import Protocol
 
+from companion.flight.fusion.assembler import ScanAssembler
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.pose import Pose
 from companion.flight.landing.executive import Executive
@@ -21,50 +20,37 @@ from slz import LocalFrame, MovingObject, Scan, only_objects, without_specks
 log = logging.getLogger(__name__)
 
 
-class PoseDisplay(Protocol):
-    """A recorder or live view that follows the vehicle, and what moves around it."""
-
-    def pose(self, pose: Pose, frame: LocalFrame) -> None:
-        """Show where the vehicle is."""
-
-    def moving(self, objects: tuple[MovingObject, ...]) -> None:
-        """Show what moves."""
-
-
 class ScanFeed:
     """Hands scans to the map.
 
-    Parameters
-    ----------
-    scan_count
-        Returns the number of scans placed so far.
-    displays
-        Returns whoever shows the vehicle's pose now.
-
     Attributes
     ----------
-    on_scan
-        A scan was placed; at which time.
+    last_scan_ns
+        Time at which the newest scan was placed, None before the first.
+    on_pose
+        Event (pose, map frame) of the vehicle at each scan of the LiDAR.
+    on_moving
+        Event of the moving objects after a scan that was watched.
     on_new_map
-        A new map begins: what was found on the one before no longer counts.
+        Event of a new map: what was found on the one before no longer counts.
     """
 
     def __init__(
         self,
         link: Link,
         history: PoseHistory,
+        assembler: ScanAssembler,
         worker: PipelineWorker,
         executive: Executive,
         obstacles: RecentObstacles,
         watch: PointWatch,
-        scan_count: Callable[[], int],
-        displays: Callable[[], tuple[PoseDisplay | None, ...]],
     ) -> None:
-        self._link, self._history = link, history
+        self._link, self._history, self._assembler = link, history, assembler
         self._worker, self._executive, self._obstacles = worker, executive, obstacles
         self._watch = watch
-        self._scan_count, self._displays = scan_count, displays
-        self.on_scan: Event[[int]] = Event()
+        self.last_scan_ns: int | None = None
+        self.on_pose: Event[[Pose, LocalFrame]] = Event()
+        self.on_moving: Event[[tuple[MovingObject, ...]]] = Event()
         self.on_new_map: Event[[]] = Event()
         self._flown = self._warned = False
         self._scan_epoch = self._map_epoch = history.epoch
@@ -75,25 +61,21 @@ class ScanFeed:
             self._scan_epoch = self._history.epoch
             self.follow_jumps()
             return  # it may still be of the frame before
-        at_ns = now_ns()
-        self.on_scan.emit(at_ns)
-        for display in self._displays():
-            if display is not None and (pose := self._history.latest(at_ns)) is not None:
-                display.pose(pose, scan.frame)
+        at_ns = self.last_scan_ns = now_ns()
+        if (pose := self._history.latest(at_ns)) is not None:
+            self.on_pose.emit(pose, scan.frame)
         self._obstacles.add(scan)
         scan = without_specks(scan)
         if self._executive.mapping:  # rotor dust, lower down, is no intruder
             self._watch.add(only_objects(scan), at_ns)
-            for display in self._displays():
-                if display is not None:
-                    display.moving(self._watch.moving(at_ns))
+            self.on_moving.emit(self._watch.moving(at_ns))
         self._add_scan(scan)
 
     def add_radar_scan(self, scan: Scan) -> None:
         """Take a scan of the radar; its points come late and in blocks, so they are no obstacles at hand."""
         if self._history.epoch != self._scan_epoch:
             return  # the next scan of the LiDAR, or the radar's own after it, begins the new map
-        self.on_scan.emit(now_ns())
+        self.last_scan_ns = now_ns()
         self._add_scan(scan)
 
     def follow_jumps(self) -> None:
@@ -127,7 +109,7 @@ class ScanFeed:
         if not self._executive.mapping or self._stands_after_flight():
             self._worker.flush()
         elif len(scan):
-            self._worker.add_scan(scan, self._scan_count())
+            self._worker.add_scan(scan, self._assembler.scans)
 
     def _stands_after_flight(self) -> bool:
         """Tell whether it has landed: from its skids it sees the ground at grazing angles only."""

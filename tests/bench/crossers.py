@@ -53,7 +53,7 @@ class CrossingWitness:
         self._top_m = float(top.max())
         tally, frame, estimate = (
             m.companion.executive.tally,
-            m.companion.history.frame,
+            m.companion.sensing.history.frame,
             m.sim.autopilot.estimate,
         )
         goal = np.array([*one.goal, 0.0])

@@ -191,7 +191,7 @@ def fly(flight: Plan, *, coarse: bool = False) -> dict[str, Any]:
 
 def _estimated_error_m(mission: Mission) -> float:
     """Return how far from the point the autopilot believes to stand: the part that is not its own drift."""
-    chosen, frame = mission.companion.executive.tally.chosen_enu_m, mission.companion.history.frame
+    chosen, frame = mission.companion.executive.tally.chosen_enu_m, mission.companion.sensing.history.frame
     estimate = mission.sim.autopilot.estimate
     assert chosen is not None
     assert frame is not None

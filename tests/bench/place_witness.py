@@ -50,8 +50,8 @@ class PlaceWitness:
 
     def _look(self, sim: Simulation) -> None:
         companion, home = self._mission.companion, sim.autopilot
-        chosen, frame = companion.executive.tally.chosen_enu_m, companion.history.frame
-        pose = companion.history.latest(now_ns())
+        chosen, frame = companion.executive.tally.chosen_enu_m, companion.sensing.history.frame
+        pose = companion.sensing.history.latest(now_ns())
         if pose is not None and frame is not None and chosen is not None and self._chosen != tuple(chosen):
             off = home.enu_m(*frame.lla(pose.position_enu_m)) - sim.vehicle.truth.pos_enu_m
             self._chosen, self._true_m = tuple(chosen), home.enu_m(*frame.lla(chosen)) - off

@@ -26,6 +26,8 @@ import params
 from companion.flight.app import Companion
 from companion.flight.dashboard.board import NEAR_TILES
 from companion.flight.dashboard.page import PageEndpoint
+from companion.flight.sensing import Sources
+from companion.flight.telling import Displays
 from slz import Drawn, DrawnTile, Pipeline
 from slz.kernels.cells.cell_record import TILE
 from slz.terrain.changes import DISPLAYED
@@ -108,15 +110,15 @@ async def measure() -> dict[str, Any]:
     with feeder(mavlink_port, lidar_port, POINTS_PER_S):
         companion = Companion(
             f"udpin:127.0.0.1:{mavlink_port}",
-            f"livox:127.0.0.1:{lidar_port}",
+            Sources(f"livox:127.0.0.1:{lidar_port}"),
             params.build({"zone_m": 1000.0, "cell_m": 0.2}),
             auto=False,
-            front=front,
+            displays=Displays(front),
         )
         task = asyncio.create_task(companion.run())
-        while not (companion.link.ready and companion.worker.reports):
+        while not (companion.link.ready and companion.mapping.worker.reports):
             await asyncio.sleep(0.1)
-        companion.worker.display_hooks["page"] = Sweep(companion).look
+        companion.mapping.worker.display_hooks["page"] = Sweep(companion).look
         without, shown = Turns(), Turns()
         for _ in range(TURNS):
             await watch(companion, without)
@@ -128,7 +130,7 @@ async def measure() -> dict[str, Any]:
                 seen = json.loads(process.stdout.read())
         companion.stop()
         await task
-    dropped = companion.worker.dropped_windows
+    dropped = companion.mapping.worker.dropped_windows
     return {"without": without.told(), "with": shown.told() | {"last_turn": seen}, "dropped_windows": dropped}
 
 
@@ -155,13 +157,13 @@ class Turns:
 async def watch(companion: Companion, turns: Turns) -> None:
     """Add a turn."""
     await asyncio.sleep(SETTLE_S)
-    companion.worker.computing_ms.clear()
+    companion.mapping.worker.computing_ms.clear()
     started_s, process_s, page_s = time.monotonic(), time.process_time(), cpu_s("slz-page")
     await asyncio.sleep(TURN_S)
     turns.seconds += time.monotonic() - started_s
     turns.process_s += time.process_time() - process_s
     turns.page_s += cpu_s("slz-page") - page_s
-    turns.latencies_ms += companion.worker.computing_ms.array().tolist()
+    turns.latencies_ms += companion.mapping.worker.computing_ms.array().tolist()
 
 
 @pytest.mark.bench

@@ -16,6 +16,7 @@ import pytest
 import params
 from companion.desk.replay import replay_run as replay
 from companion.flight.app import Companion
+from companion.flight.sensing import Sources
 from tests.bench.test_streams import feeder
 from tests.ports import free_port
 
@@ -27,15 +28,15 @@ async def record(mavlink_port: int, lidar_port: int, path: Path) -> dict[str, An
     """Run the companion with a recording for so long after its first report; return its summary."""
     companion = Companion(
         f"udpin:127.0.0.1:{mavlink_port}",
-        f"livox:127.0.0.1:{lidar_port}",
+        Sources(f"livox:127.0.0.1:{lidar_port}"),
         params.Parameters(),
         auto=False,
         record=path,
     )
     task = asyncio.create_task(companion.run())
-    while not (companion.link.ready and companion.worker.reports):
+    while not (companion.link.ready and companion.mapping.worker.reports):
         await asyncio.sleep(0.1)
-    stale = companion.assembler.stale  # of what came before any pose
+    stale = companion.sensing.assembler.stale  # of what came before any pose
     await asyncio.sleep(RECORDED_S)
     companion.stop()
     await task

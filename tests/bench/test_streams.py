@@ -21,6 +21,7 @@ import pytest
 
 import params
 from companion.flight.app import Companion
+from companion.flight.sensing import Sources
 from tests.ports import free_port
 
 POINTS_PER_S = 200_000
@@ -49,21 +50,24 @@ def feeder(mavlink_port: int, lidar_port: int, points_per_s: int) -> Iterator[su
 async def measure(mavlink_port: int, lidar_port: int) -> dict[str, Any]:
     """Run the companion with a target to stream; return its summary and what the clock said meanwhile."""
     companion = Companion(
-        f"udpin:127.0.0.1:{mavlink_port}", f"livox:127.0.0.1:{lidar_port}", params.Parameters(), auto=False
+        f"udpin:127.0.0.1:{mavlink_port}",
+        Sources(f"livox:127.0.0.1:{lidar_port}"),
+        params.Parameters(),
+        auto=False,
     )
     task = asyncio.create_task(companion.run())
-    while not (companion.link.ready and companion.worker.reports):
+    while not (companion.link.ready and companion.mapping.worker.reports):
         await asyncio.sleep(0.1)
     await asyncio.sleep(SETTLE_S)
-    companion.decisions.run_once = lambda: None  # type: ignore[method-assign]  # the executive would take the target away
-    companion.streams.target_enu_m = np.array([1.0, 2.0, -12.0])
-    residuals, before = [], companion.lidar.statistics()["returns"]
+    companion.deciding.loop.run_once = lambda: None  # type: ignore[method-assign]  # the executive would take the target away
+    companion.telling.streams.target_enu_m = np.array([1.0, 2.0, -12.0])
+    residuals, before = [], companion.sensing.lidar.statistics()["returns"]
     start = time.monotonic()
     for _ in range(int(MEASURED_S)):
         await asyncio.sleep(1)
         residuals.append(companion.link.inbox.clock.timesync.residual_ns * 1e-6)
     seconds = time.monotonic() - start
-    returns = float(companion.lidar.statistics()["returns"] or 0) - float(before or 0)
+    returns = float(companion.sensing.lidar.statistics()["returns"] or 0) - float(before or 0)
     companion.stop()
     await task
     return {
@@ -71,7 +75,7 @@ async def measure(mavlink_port: int, lidar_port: int) -> dict[str, Any]:
         "sync_residual_p99_ms": round(float(np.percentile(residuals, 99)), 2),
         "returns_per_s": round(returns / seconds),
         "latency_ms": companion.summary["latency_ms"],
-        "dropped_windows": companion.worker.dropped_windows,
+        "dropped_windows": companion.mapping.worker.dropped_windows,
         "load": os.getloadavg()[0],
     }
 

@@ -78,7 +78,7 @@ def _result(sortie: Sortie, error: str) -> dict[str, Any]:
 
 
 def _chosen(sortie: Sortie) -> list[float] | None:
-    chosen, frame = sortie.companion.executive.tally.chosen_enu_m, sortie.companion.history.frame
+    chosen, frame = sortie.companion.executive.tally.chosen_enu_m, sortie.companion.sensing.history.frame
     if chosen is None or frame is None:
         return None
     return [round(float(v), 2) for v in sortie.sim.autopilot.enu_m(*frame.lla(chosen))]

@@ -13,6 +13,8 @@ import params
 from companion.flight.app import Companion
 from companion.flight.dashboard.page import PageEndpoint
 from companion.flight.landing.situation import Phase
+from companion.flight.sensing import Sources
+from companion.flight.telling import Displays
 from companion.runtime.lockstep_loop import LockstepLoop
 from sitl.sensors.lidar_port import PTY
 from sitl.simulation import Simulation
@@ -70,11 +72,11 @@ class Mission:
     def new_companion(self) -> Companion:
         return Companion(
             f"udpin:127.0.0.1:{self.mavlink_port}",
-            self.lidar,
+            Sources(self.lidar),
             self.parameters,
             auto=self.auto,
             record=self.record,
-            front=self.front,
+            displays=Displays(self.front),
         )
 
     def fly(self, script: Callable[[Mission], Awaitable[None]]) -> Mission:
@@ -131,7 +133,7 @@ class Mission:
 
     def touchdown_error_m(self) -> float:
         contact, chosen = self.sim.touchdown, self.companion.executive.tally.chosen_enu_m
-        frame = self.companion.history.frame
+        frame = self.companion.sensing.history.frame
         assert contact is not None
         assert chosen is not None
         assert frame is not None

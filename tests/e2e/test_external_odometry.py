@@ -14,6 +14,7 @@ from companion.flight.app import Companion
 from companion.flight.fusion.external_odometry.odometry_topic import OdometryTopic
 from companion.flight.landing.situation import Phase
 from companion.flight.rmw.zenoh_url import ZenohUrl
+from companion.flight.sensing import Sources
 from sitl import faults
 from sitl.simulation import Simulation
 from tests.bench.landings import AIDED
@@ -36,14 +37,14 @@ class WithOdometry(Mission):
     def new_companion(self) -> Companion:
         companion = Companion(
             f"udpin:127.0.0.1:{self.mavlink_port}",
-            self.lidar,
+            Sources(self.lidar, ros2=ZenohUrl(), odometry=OdometryTopic("/odom")),
             self.parameters,
             auto=self.auto,
             record=self.record,
-            ros2=ZenohUrl(),
-            ros2_odometry=OdometryTopic("/odom"),
         )
-        companion.ros_node = None  # no network: its threads know no simulated clock
+        node = companion.telling.ros_node
+        assert node is not None
+        node.run = asyncio.get_running_loop().create_future  # type: ignore[method-assign,assignment]  # no network
         return companion
 
 
@@ -59,7 +60,7 @@ class Node:
         self.error_m: list[tuple[float, float]] = []  # of the place on the map, and of the autopilot's
 
     def on_tick(self, simulation: Simulation) -> None:
-        subscription = self._mission.companion.ros_odometry
+        subscription = self._mission.companion.sensing.ros_odometry
         assert subscription is not None
         now_ns = round(self._mission.loop.time() * 1e9)
         if simulation.now_ns % PERIOD_NS == 0:
@@ -80,7 +81,7 @@ class Node:
         return Told(BEGUN_NS + now_ns, tuple(place), tuple(turn), number=self.sent)
 
     def _note(self, simulation: Simulation, now_ns: int) -> None:
-        history, truth = self._mission.companion.history, simulation.vehicle.truth.pos_enu_m
+        history, truth = self._mission.companion.sensing.history, simulation.vehicle.truth.pos_enu_m
         pose, frame = history.latest(now_ns), history.frame
         if pose is None or frame is None or not simulation.autopilot.armed:
             return
@@ -123,4 +124,4 @@ def test_without_gps_it_lands_by_an_odometry_that_jumps_and_again_in_the_replay(
     assert any("odometry used" in text for text in mission.heard)
     assert not any("take over" in text for text in mission.heard)
     again = replay.run(recording, [], None, 0.0, (0.0, 1e9))
-    assert again["identical"] == again["windows"] == mission.companion.worker.reports > 20
+    assert again["identical"] == again["windows"] == mission.companion.mapping.worker.reports > 20

@@ -30,11 +30,11 @@ def test_an_order_33_m_from_home_is_refused_by_a_fence_of_25_m_and_a_landing_by_
 
     async def script(mission: Mission) -> None:
         await mission.until_phase(Phase.SURVEY)
-        frame, autopilot = mission.companion.history.frame, mission.sim.autopilot
+        frame, autopilot = mission.companion.sensing.history.frame, mission.sim.autopilot
         assert frame is not None
         home = frame.enu_m(*autopilot.lla(autopilot.navigator.home_enu_m))
         order = Order(OrderKind.LAND_AT_POINT, point_enu_m=home + np.array([33.0, 0.0, 0.0]))
-        reply = mission.companion.order_desk.carry_out(order)
+        reply = mission.companion.deciding.order_desk.carry_out(order)
         assert (reply.accepted, reply.reason) == (False, "point beyond the fence")
 
         def landed() -> bool:

@@ -42,7 +42,7 @@ def test_surveys_chooses_and_lands_on_safe_ground_and_again_in_the_replay(
     assert mission.touchdown_safe()
     assert mission.touchdown_error_m() <= 0.5
     again = replay.run(recording, [], None, 0.0, (0.0, 1e9))
-    assert again["identical"] == again["windows"] == mission.companion.worker.reports > 20
+    assert again["identical"] == again["windows"] == mission.companion.mapping.worker.reports > 20
     assert (again["different"], again["lost_messages"], again["cut"]) == (0, 0, "")
     assert again["zones"] == mission.companion.summary["zones"]
 
@@ -61,12 +61,12 @@ def test_with_odometry_it_lands_by_the_map_and_again_in_the_replay(tmp_path: Pat
 
     mission.fly(script)
     assert mission.touchdown_safe()
-    odometry = mission.companion.odometry
+    odometry = mission.companion.sensing.odometry
     assert odometry is not None
     assert odometry.updates > 100
-    assert abs(mission.companion.history.correction.shift_enu_m[2]) > 0.02  # the barometer drifted
+    assert abs(mission.companion.sensing.history.correction.shift_enu_m[2]) > 0.02  # the barometer drifted
     again = replay.run(recording, [], None, 0.0, (0.0, 1e9))
-    assert again["identical"] == again["windows"] == mission.companion.worker.reports > 20
+    assert again["identical"] == again["windows"] == mission.companion.mapping.worker.reports > 20
 
 
 def test_a_vlp16_finds_a_zone_in_the_climb() -> None:
@@ -74,7 +74,10 @@ def test_a_vlp16_finds_a_zone_in_the_climb() -> None:
     mission = Mission(seed=2, lidar="vlp16", auto=False)
 
     async def script(m: Mission) -> None:
-        await m.until(lambda: m.companion.report is not None and bool(m.companion.report.zones), 60)
+        await m.until(
+            lambda: bool(m.companion.mapping.latest.zones_seen),
+            60,
+        )
 
     mission.fly(script)
     told = mission.companion.summary["lidar"]
@@ -124,7 +127,7 @@ def test_the_pilot_s_mode_ends_every_command_and_lidar_silence_a_descent() -> No
         assert m.height_m > 10
         assert m.sim.autopilot.mode is Mode.GUIDED
         m.sim.lidar_on = True
-        await m.until(lambda: m.companion.situation().lidar_ok, 10)
+        await m.until(lambda: m.companion.deciding.situations.situation().lidar_ok, 10)
 
     mission.fly(script)
     assert mission.sim.touchdown is None
@@ -159,7 +162,7 @@ def test_the_operator_orders_by_mav_cmd_user_1() -> None:
 
     async def script(m: Mission) -> None:
         assert m.sim.pilot is not None
-        await m.until(lambda: m.companion.report is not None and bool(m.companion.report.zones))
+        await m.until(lambda: bool(m.companion.mapping.latest.zones_seen))
         await m.until(lambda: m.height_m > 16)
         await asyncio.sleep(10)
         assert m.phase is Phase.IDLE

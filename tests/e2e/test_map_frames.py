@@ -24,7 +24,7 @@ def test_frames_that_begin_before_the_hand_over_change_neither_the_landing_nor_i
     async def flight(mission: Mission) -> None:
         for phase in (Phase.SURVEY, Phase.APPROACH, Phase.DESCEND, Phase.FINAL):
             await mission.until_phase(phase)
-            frames.append(mission.companion.history.frame)
+            frames.append(mission.companion.sensing.history.frame)
         await mission.until_phase(Phase.LANDED)
 
     mission = Mission(record=tmp_path / "flight.mcap", height_m=13.0, survey_s=5.0).fly(flight)

@@ -44,7 +44,7 @@ class Watched:
 
     async def see(self, look: Callable[..., Result], *args: object) -> Result:
         """Ask the browser; simulated time waits, but the companion is there all the same."""
-        loop, page = asyncio.get_running_loop(), self.mission.companion.page
+        loop, page = asyncio.get_running_loop(), self.mission.companion.telling.page
         assert page is not None
         with ThreadPoolExecutor(1) as beside:
             asked = beside.submit(look, *args)
@@ -67,7 +67,7 @@ class Watched:
     async def open(self) -> None:
         """Open the page over a vehicle that hovers and has found a zone."""
         m = self.mission
-        await m.until(lambda: m.companion.report is not None and bool(m.companion.report.zones))
+        await m.until(lambda: bool(m.companion.mapping.latest.zones_seen))
         await m.until(lambda: m.height_m > 13)
         assert m.front is not None
         await self.see(self.browser.open, f"http://{m.front.address}/")
@@ -189,7 +189,7 @@ def test_five_browsers_four_stalled_a_reload_and_a_crash_of_the_page_do_not_touc
         await w.until_seen("slz.model.state?.phase === 'descend'")
         crash[0] = True
         await m.until_phase(Phase.LANDED)
-        page = m.companion.page
+        page = m.companion.telling.page
         assert page is not None
         await m.until(lambda: page.starts == 2, 30)
         await w.until_seen("slz.model.state.phase === 'landed' && !slz.link.stale")

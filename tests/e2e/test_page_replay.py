@@ -30,7 +30,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     mission = Mission("plain", seed=9, auto=False, height_m=15.0, record=path)
 
     async def script(m: Mission) -> None:
-        await m.until(lambda: m.height_m > 13 and m.companion.report is not None)
+        await m.until(lambda: m.height_m > 13 and m.companion.mapping.latest.newest is not None)
         found_s = m.loop.time()
         await m.until(lambda: m.loop.time() > found_s + 20.0)  # a path to draw, with a fix and at height
 

@@ -30,7 +30,9 @@ async def _flight(mission: Mission) -> tuple[list[np.ndarray], np.ndarray]:
     )
     await mission.until(lambda: np.hypot(*(sim.vehicle.truth.pos_enu_m[:2] - there)) < 3.0)
     await asyncio.sleep(15)
-    await mission.until(lambda: sim.autopilot.rally.items and not mission.companion.services.rally.busy)
+    await mission.until(
+        lambda: sim.autopilot.rally.items and not mission.companion.telling.services.rally.busy
+    )
     assert mission.task is not None
     mission.task.cancel()
     with contextlib.suppress(asyncio.CancelledError):

@@ -18,7 +18,7 @@ def test_an_emergency_in_loiter_lands_at_once() -> None:
 
     async def script(m: Mission) -> None:
         assert m.sim.pilot is not None
-        await m.until(lambda: m.companion.report is not None and bool(m.companion.report.zones))
+        await m.until(lambda: bool(m.companion.mapping.latest.zones_seen))
         await m.until(lambda: m.height_m > 16)
         m.sim.pilot.set_mode(Mode.LOITER)
         await m.until(lambda: m.sim.autopilot.mode is Mode.LOITER)
@@ -37,14 +37,14 @@ def test_a_low_battery_ends_the_survey_and_below_the_dust_height_nothing_is_mapp
 
     async def script(m: Mission) -> None:
         await m.until_phase(Phase.SURVEY)
-        await m.until(lambda: m.companion.report is not None and bool(m.companion.report.zones))
+        await m.until(lambda: bool(m.companion.mapping.latest.zones_seen))
         m.sim.autopilot.battery_pct = 14.0
         await m.until_phase(Phase.FINAL, 120)
         await m.until(lambda: m.height_m < 3.0)
         await asyncio.sleep(0.5)
-        reports = m.companion.worker.reports
+        reports = m.companion.mapping.worker.reports
         await m.until_phase(Phase.LANDED)
-        assert m.companion.worker.reports <= reports + 1
+        assert m.companion.mapping.worker.reports <= reports + 1
 
     mission.fly(script)
     assert mission.touchdown_safe()
@@ -61,7 +61,7 @@ def test_a_wall_in_dust_is_passed_over_with_avoidance_on() -> None:
 
     async def script(m: Mission) -> None:
         assert m.sim.pilot is not None
-        await m.until(lambda: m.companion.report is not None and bool(m.companion.report.zones))
+        await m.until(lambda: bool(m.companion.mapping.latest.zones_seen))
         await m.until(lambda: m.height_m > 13.5)
         e, n, _ = (float(v) for v in m.sim.vehicle.truth.pos_enu_m)
         world.add_mover("wall", [Box(0.0, 0.0, 0.0, 0.5, WALL_WIDE_M, WALL_HIGH_M)], e + WALL_M, n, 0.0)
@@ -80,7 +80,7 @@ def test_a_wall_in_dust_is_passed_over_with_avoidance_on() -> None:
 
     mission.fly(script)
     assert not mission.companion.executive.tally.aborts
-    assert mission.companion.specks.specks > 1000
+    assert mission.companion.sensing.specks.specks > 1000
 
 
 def test_an_autopilot_that_is_not_set_up_is_landed_by_an_order_alone_until_it_is_set_right() -> None:
@@ -89,7 +89,7 @@ def test_an_autopilot_that_is_not_set_up_is_landed_by_an_order_alone_until_it_is
 
     async def script(m: Mission) -> None:
         assert m.sim.pilot is not None
-        await m.until(lambda: m.companion.report is not None and bool(m.companion.report.zones))
+        await m.until(lambda: bool(m.companion.mapping.latest.zones_seen))
         await m.until(lambda: m.height_m > 16)
         await asyncio.sleep(20)
         assert m.phase is Phase.IDLE
@@ -98,7 +98,7 @@ def test_an_autopilot_that_is_not_set_up_is_landed_by_an_order_alone_until_it_is
         m.sim.pilot.command(mavlink.MAV_CMD_USER_1, 1, component=191)
         await m.until_phase(Phase.FINAL, 120)
         assert "SLZ: landing is at risk: GUID_TIMEOUT" in m.heard
-        told = m.companion.fitness.summary()
+        told = m.companion.deciding.fitness.summary()
         assert (told["read"], told["fit"]) == (True, False)
         assert [fault["name"] for fault in told["wrong"]] == ["GUID_TIMEOUT"]
         m.sim.pilot.set_mode(Mode.LOITER)

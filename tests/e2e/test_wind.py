@@ -34,7 +34,7 @@ def test_lands_into_a_wind_of_eight_metres_per_second(seed: int, drag_fusion: fl
         await m.until(lambda: not m.sim.autopilot.armed, 10)
 
     mission.fly(script)
-    assert mission.companion.wind.summary()["source"] == source
+    assert mission.companion.sensing.wind.summary()["source"] == source
     assert off_wind_deg(mission) < 15
     assert mission.touchdown_safe()
     assert mission.touchdown_error_m() <= 0.6
@@ -47,7 +47,7 @@ def test_waits_in_too_much_wind_and_lands_in_an_emergency() -> None:
     async def script(m: Mission) -> None:
         await m.until(lambda: any("wind too strong for this point" in text for text in m.heard))
         assert m.phase is Phase.IDLE
-        assert m.companion.executive.land_now(m.companion.situation()).accepted
+        assert m.companion.executive.land_now(m.companion.deciding.situations.situation()).accepted
         await m.until_phase(Phase.LANDED)
 
     mission.fly(script)

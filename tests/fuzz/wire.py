@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.flight.fusion.external_odometry.external_odometry import ExternalOdometry
 from companion.flight.fusion.external_odometry.odometry_input import OdometryInput
 from companion.flight.fusion.external_odometry.odometry_topic import OdometryTopic
 from companion.flight.fusion.pose_history import PoseHistory
@@ -268,9 +269,7 @@ class FuzzedOdometry:
         self._history = PoseHistory(Parameters())
         self._input = OdometryInput.open(
             OdometryTopic("/odom"),
-            Parameters(),
-            self._history,
-            gps_lost=lambda: False,
+            ExternalOdometry(self._history, OdometryTopic("/odom").child_frame(Parameters()), lambda: False),
             cloud_offset_ns=lambda _stamp_ns: None,
             wall_offset_ns=lambda: 1_700_000_000_000_000_000 - 1_000_000_000,
         )

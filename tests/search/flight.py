@@ -21,6 +21,7 @@ from companion.flight import app
 from companion.flight.app import Companion
 from companion.flight.landing.situation import Phase
 from companion.flight.mapping import pipeline_worker
+from companion.flight.sensing import Sources
 from companion.runtime.errors import UsageError
 from sitl import scenes
 from sitl.faults import FaultyWire
@@ -159,7 +160,7 @@ class SearchFlight(Mission):
     def new_companion(self) -> Companion:
         """Return a companion that knows its vehicle, and need not listen for it."""
         return Companion(
-            f"udpin:{LOCAL}:{self.mavlink_port}", self.lidar, self.parameters, auto=False, system=1
+            f"udpin:{LOCAL}:{self.mavlink_port}", Sources(self.lidar), self.parameters, auto=False, system=1
         )
 
     def _take_off(self) -> None:

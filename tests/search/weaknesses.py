@@ -90,7 +90,7 @@ class _Blind:
 
     def __init__(self, flight: SearchFlight, share: Callable[[Moment], float]) -> None:
         self._flight, self._share = flight, share
-        self._true = flight.companion.situations.situation
+        self._true = flight.companion.deciding.situations.situation
         self._clean: SelectedPoint | None = None
         self._until_ns: int | None = None
 
@@ -114,7 +114,9 @@ class _Blind:
 
 @contextmanager
 def _blind(flight: SearchFlight, share: Callable[[Moment], float]) -> Iterator[None]:
-    with mock.patch.object(flight.companion.situations, "situation", _Blind(flight, share).situation):
+    with mock.patch.object(
+        flight.companion.deciding.situations, "situation", _Blind(flight, share).situation
+    ):
         yield
 
 
@@ -147,7 +149,7 @@ def clock_offset(m: Moment) -> float:
 @contextmanager
 def _shifted(flight: SearchFlight) -> Iterator[None]:
     companion = flight.companion
-    true, execute = companion.situations.situation, companion.executive.step
+    true, execute = companion.deciding.situations.situation, companion.executive.step
 
     def shift_m(s: Situation) -> np.ndarray:
         return np.array([SHIFT_M * clock_offset(moment(flight, s)), 0.0, 0.0])
@@ -165,7 +167,7 @@ def _shifted(flight: SearchFlight) -> Iterator[None]:
         return replace(commands, target_enu_m=commands.target_enu_m + shift_m(s))
 
     with (
-        mock.patch.object(companion.situations, "situation", situation),
+        mock.patch.object(companion.deciding.situations, "situation", situation),
         mock.patch.object(companion.executive, "step", step),
     ):
         yield

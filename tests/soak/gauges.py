@@ -59,7 +59,7 @@ class Gauges:
         gc.collect()  # what a cycle still holds is no leak
         if self._since_s is None:
             self._since_s = now_s
-        worker = companion.worker
+        worker = companion.mapping.worker
         new = min(worker.reports - self._reports, len(worker.computing_ms))
         latencies = worker.computing_ms.array(new) if new else np.array([np.nan])
         self._reports = worker.reports

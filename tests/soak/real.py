@@ -10,6 +10,8 @@ from pathlib import Path
 import params
 from companion.flight.app import Companion
 from companion.flight.dashboard.page import PageEndpoint
+from companion.flight.sensing import Sources
+from companion.flight.telling import Displays
 from companion.runtime.state_directory import StateDir
 from tests.bench.test_page import browsers
 from tests.bench.test_streams import POINTS_PER_S, feeder
@@ -27,14 +29,14 @@ async def run(hours: float, path: Path) -> Gauges:
     with feeder(mavlink_port, lidar_port, POINTS_PER_S):
         companion = Companion(
             f"udpin:127.0.0.1:{mavlink_port}",
-            f"livox:127.0.0.1:{lidar_port}",
+            Sources(f"livox:127.0.0.1:{lidar_port}"),
             params.Parameters(),
             auto=True,
             state=StateDir(folder),
-            front=front,
+            displays=Displays(front),
         )
         task = asyncio.create_task(companion.run())
-        while not (companion.link.ready and companion.worker.reports):
+        while not (companion.link.ready and companion.mapping.worker.reports):
             await asyncio.sleep(0.1)
         with browsers(str(front.address)):
             await _watch(companion, gauges, hours, folder)
@@ -56,9 +58,9 @@ async def _watch(companion: Companion, gauges: Gauges, hours: float, folder: Pat
 
 
 async def _record_anew(companion: Companion, folder: Path) -> None:
-    if companion.recordings.recorder is not None:
-        await companion.recordings.set_recording(on=False)
+    if companion.telling.recordings.recorder is not None:
+        await companion.telling.recordings.set_recording(on=False)
         for old in (folder / "recordings").iterdir():
             old.unlink()
-    said = await companion.recordings.set_recording(on=True)
+    said = await companion.telling.recordings.set_recording(on=True)
     assert said.accepted, said.reason

@@ -28,6 +28,8 @@ from companion.desk.demo.flown_timeline import Said, Timeline
 from companion.desk.evaluation import Truth, area_error, read_truth, touchdown
 from companion.flight.app import Companion
 from companion.flight.landing.situation import Phase
+from companion.flight.sensing import Sources
+from companion.flight.telling import Displays
 from companion.runtime import extras, output_folder
 from companion.runtime.errors import CompanionError
 from companion.runtime.interrupt import Interrupts
@@ -97,9 +99,10 @@ def fly(
         "maps": files,
     }
     mapped = None
-    if companion.maps is not None and companion.report is not None:
+    report = companion.mapping.latest.newest
+    if companion.maps is not None and report is not None:
         points = flight_files.points(summary, truth.flight.get("touchdown"))
-        mapped = FlownMap(companion.maps, companion.report, companion.settings.running, flown, points)
+        mapped = FlownMap(companion.maps, report, companion.settings.running, flown, points)
     summary["files"] = flight_files.write(plan.out, mapped, summary)
     (plan.out / "summary.json").write_text(json.dumps(summary, indent=1) + "\n", "utf-8")
     return summary
@@ -156,11 +159,13 @@ async def _mission(
 ) -> tuple[Companion, Timeline]:
     companion = Companion(
         f"udpin:127.0.0.1:{simulator.mavlink_port}",
-        f"{plan.sensor.kind}:127.0.0.1:{simulator.lidar_port}",
+        Sources(
+            f"{plan.sensor.kind}:127.0.0.1:{simulator.lidar_port}",
+            f"radar:127.0.0.1:{simulator.radar_port}" if plan.sensor.radar else None,
+        ),
         parameters,
         auto=True,
-        radar_url=f"radar:127.0.0.1:{simulator.radar_port}" if plan.sensor.radar else None,
-        front=front,
+        displays=Displays(front),
         prior=plan.prior,
         record=plan.out / flight_files.RECORDING,
     )
@@ -186,11 +191,12 @@ async def _watch(
         if interrupts.number is not None:
             companion.stop()
             return
-        s = companion.situation()
+        s = companion.deciding.situations.situation()
         elapsed = loop.time() - start
         log.note(elapsed, companion)
         pace = elapsed / max(1e-3, time.perf_counter() - wall)
-        zones = len(companion.report.zones) if companion.report else 0
+        report = companion.mapping.latest.newest
+        zones = len(report.zones) if report else 0
         status.update(
             f"{elapsed:4.0f} s  {companion.executive.phase.value:<8}  {s.mode or '-':<9} "
             f"height {s.height_above_home_m:5.1f} m  zones {zones:2d}  {pace:4.1f}x real time"
@@ -328,11 +334,12 @@ def _draw(companion: Companion, out: Path) -> dict[str, str]:
 
 def _evaluate(companion: Companion, truth: Truth, parameters: Parameters) -> dict[str, Any]:
     chosen = companion.executive.tally.chosen_enu_m
-    frame = companion.history.frame
+    frame = companion.sensing.history.frame
     where = frame.lla(np.asarray(chosen)) if chosen is not None and frame is not None else None
     result: dict[str, Any] = {"area_error": None, "unsafe_as_safe": 0.0, "recall": 0.0}
-    if companion.maps is not None and companion.report is not None:
-        result |= area_error(truth, companion.maps, companion.report.zones, parameters)
+    report = companion.mapping.latest.newest
+    if companion.maps is not None and report is not None:
+        result |= area_error(truth, companion.maps, report.zones, parameters)
     return result | touchdown(truth, where)
 
 

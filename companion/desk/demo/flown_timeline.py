@@ -36,7 +36,7 @@ class Timeline:
 
     def note(self, at_s: float, companion: Companion) -> None:
         """Add the state of now."""
-        now, frame = companion.situation(), companion.history.frame
+        now, frame = companion.deciding.situations.situation(), companion.sensing.history.frame
         place = None
         if now.position_enu_m is not None and frame is not None:
             lat, lon, alt = (float(v) for v in frame.lla(now.position_enu_m))

@@ -14,9 +14,9 @@ def draw_flight(companion: Companion, out: Path) -> dict[str, str]:
     maps = companion.maps
     if maps is None:
         return {}
-    zones = companion.report.zones if companion.report else ()
+    zones = companion.mapping.latest.newest.zones if companion.mapping.latest.newest else ()
     chosen = companion.executive.tally.chosen_enu_m
-    path = companion.path_enu_m.array()
+    path = companion.deciding.path.enu_m.array()
     landed = companion.executive.phase is Phase.LANDED
     touchdown = path[-1] if landed and len(path) else None
     files = save_flight(out, maps, zones, path, chosen, touchdown, companion.parameters)

@@ -79,8 +79,7 @@ class Replay:
         history, odometry = self._sensors.history, self._sensors.odometry
         self._assembler = ScanAssembler(parameters, history, self._on_scan, SpeckDetector(), odometry)
         if self._sensors.diagnosis is not None:
-            self._sensors.diagnosis.repeated = lambda: self._assembler.repeated
-            self._sensors.diagnosis.mount_error_deg = lambda: self._assembler.boresight.error_deg
+            self._sensors.diagnosis.placed = self._assembler
         self._pipeline = Pipeline(parameters)
         flown = header.parameters()
         self._as_flown = {

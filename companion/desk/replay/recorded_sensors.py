@@ -7,6 +7,7 @@ import struct
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.desk.replay.recording_reader import Header, Raw
+from companion.flight.fusion.external_odometry.external_odometry import ExternalOdometry
 from companion.flight.fusion.external_odometry.odometry_input import OdometryInput
 from companion.flight.fusion.external_odometry.odometry_topic import parse_odometry_topic
 from companion.flight.fusion.odometry.opening import open_odometry
@@ -140,11 +141,8 @@ def _external(header: Header, parameters: Parameters, sensors: RecordedSensors) 
     """Return the external odometry of the flight, None without one or where the parameters use none."""
     if not header.odometry or parameters.odometry == "off":
         return None
-    return OdometryInput.open(
-        parse_odometry_topic(header.odometry),
-        parameters,
-        sensors.history,
-        gps_lost=lambda: sensors.vehicle.health.fix_lost,
-        cloud_offset_ns=sensors.cloud_offset_ns,
-        wall_offset_ns=lambda: header.clock_offset_ns,
+    topic, history = parse_odometry_topic(header.odometry), sensors.history
+    odometry = ExternalOdometry(
+        history, topic.child_frame(parameters), lambda: sensors.vehicle.health.fix_lost
     )
+    return OdometryInput.open(topic, odometry, sensors.cloud_offset_ns, lambda: header.clock_offset_ns)

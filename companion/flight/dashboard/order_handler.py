@@ -40,7 +40,7 @@ class FlightOrderHandler:
 
     def __init__(self, flight: FlightView) -> None:
         self._flight = flight
-        self._desk = flight.order_desk
+        self._desk = flight.deciding.order_desk
 
     async def carry_out(self, order: Command) -> Reply:
         """Execute an order, or return the reason of its refusal."""
@@ -62,7 +62,7 @@ class FlightOrderHandler:
 
     def _select_point(self, east_m: float, north_m: float) -> Reply:
         """Select a point of the map."""
-        if self._flight.history.frame is None:
+        if self._flight.sensing.history.frame is None:
             return Reply(False, "no position yet")
         point = np.array([east_m, north_m, 0.0])
         return self._desk.carry_out(Order(OrderKind.SELECT_POINT, point_enu_m=point))
@@ -70,10 +70,10 @@ class FlightOrderHandler:
     def _confirm(self, order: Confirm) -> Reply:
         """Land at the selected point, if it is the one that the sender saw."""
         flight, seen = self._flight, np.array([order.east_m, order.north_m, 0.0])
-        situation = flight.situation()
+        situation = flight.deciding.situations.situation()
         if not situation.lidar_ok:
             return Reply(False, f"{situation.no_map_reason.text}: nothing is judged now")
-        if not flight.executive.is_selected(situation, seen):
+        if not flight.deciding.executive.is_selected(situation, seen):
             return Reply(False, "the selection changed or is not judged yet: look and confirm again")
         return self._desk.carry_out(Order(OrderKind.LAND_AT_SELECTED))
 

@@ -25,7 +25,7 @@ from companion.flight.flight_view import FlightView
 from companion.flight.landing.situation import Reply
 from companion.runtime.priority import SWITCH_S
 from params import Row
-from slz import Pipeline, Report
+from slz import LocalFrame, Pipeline, Report
 
 log = logging.getLogger(__name__)
 
@@ -98,7 +98,7 @@ class Page:
     def __init__(self, flight: FlightView, endpoint: PageEndpoint) -> None:
         self._flight, self.endpoint = flight, endpoint
         self.board = Board(flight.parameters)
-        self.board.computing = lambda: flight.worker.busy
+        self.board.computing = lambda: flight.mapping.worker.busy
         self.starts = 0
         self._server: Server | None = None
         self._anew = True
@@ -125,7 +125,11 @@ class Page:
 
     def use_report(self, report: Report) -> None:
         """Put a report on the board."""
-        self.board.set_report(report, self._flight.worker.age_ms)
+        self.board.set_report(report, self._flight.mapping.worker.age_ms)
+
+    def clear_path(self, _frame: LocalFrame) -> None:
+        """Clear the path, which is in the map frame of before."""
+        self.board.clear_path()
 
     def close(self) -> None:
         """Stop the page and free its port."""
@@ -140,7 +144,7 @@ class Page:
         self.board.viewers = 0
         self.board.map_changes.clear()
         self._anew = True
-        self._flight.worker.display_hooks["page"] = self._copy_map_changes
+        self._flight.mapping.worker.display_hooks["page"] = self._copy_map_changes
         handler = FlightOrderHandler(self._flight)
         server = self._server = serve(self.endpoint, self.board, handler, about(self._flight.settings.rows))
         try:
@@ -154,8 +158,9 @@ class Page:
     def _observe(self) -> None:
         """Put the state on the board, at most ten times a second of real time."""
         now_s, flight, board = time.monotonic(), self._flight, self.board
-        if flight.path_enu_m:
-            board.add_position(_place(flight.path_enu_m.last))
+        path_enu_m = flight.deciding.path.enu_m
+        if path_enu_m:
+            board.add_position(_place(path_enu_m.last))
         if now_s - self._last_state_s >= 0.9 * STATE_S:
             self._last_state_s = now_s
             board.state = state_document.state(flight)

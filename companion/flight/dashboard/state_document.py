@@ -28,9 +28,9 @@ JUDGED_NS = 4_000_000_000  # a recording's report is past after this: windows of
 
 def state(flight: FlightView) -> dict[str, Any]:
     """Return pose, phase and all values that may change from one tick to the next."""
-    s = flight.situation()
-    pose = flight.history.latest(s.now_ns)
-    vehicle, executive, parameters = flight.link.vehicle, flight.executive, flight.parameters
+    s = flight.deciding.situations.situation()
+    pose = flight.sensing.history.latest(s.now_ns)
+    vehicle, executive, parameters = flight.link.vehicle, flight.deciding.executive, flight.parameters
     aim, mismatch = executive.aim_enu_m, flight.link.key_mismatch
     outlook, lost = executive.outlook(s), executive.what_is_lost(s)
     low = s.battery_pct is not None and 0 < parameters.battery_land_pct >= s.battery_pct
@@ -48,22 +48,22 @@ def state(flight: FlightView) -> dict[str, Any]:
         "heard": s.heard,
         "lidar_ok": s.lidar_ok,
         "blind": f"{lost} lost" if lost else s.no_map_reason.text,
-        "lidar_faults": lidar_faults(flight.lidar.diagnosis),
+        "lidar_faults": lidar_faults(flight.sensing.lidar.diagnosis),
         "failsafe": s.failsafe,
         "estimate_lost": s.estimate_lost,
         "gps": "lost" if s.gps_lost else "glitch" if s.gps_glitching else "",
         "blocked": s.blocked,
-        "pipeline_failed": flight.worker.invalid,
+        "pipeline_failed": flight.mapping.latest.is_withdrawn,
         "battery_pct": s.battery_pct,
         "battery_v": vehicle.battery_v,
         "battery_low": low,
         "no_commands": s.no_command_reason,
         "key_mismatch": "" if mismatch is None else mismatch.value,
-        "unfit": list(flight.fitness.texts),
+        "unfit": list(flight.deciding.fitness.texts),
         **_motion(pose),
         "wind": _wind(s.wind),
         "moving": [_moving(one, s.now_ns) for one in s.moving],
-        "wires": _wires(flight.report),
+        "wires": _wires(flight.mapping.latest.newest),
         "fence": _fence(s.fence, executive.zones_beyond_fence(s)),
         "emergency": _emergency(executive.emergency(s)),
         **_ways(*executive.ways(s)),
@@ -75,7 +75,7 @@ def state(flight: FlightView) -> dict[str, Any]:
     }
     sources = {
         AUTOPILOT: (s.connected and s.heard, vehicle.last_heartbeat_ns),
-        POSITION: (pose is not None, flight.history.bracketed_until_ns),
+        POSITION: (pose is not None, flight.sensing.history.bracketed_until_ns),
         MAP: (s.lidar_ok, s.judged_ns),
         VERDICT: (s.lidar_ok and not lost, s.judged_ns),
     }
@@ -250,7 +250,7 @@ def _motion(pose: Pose | None) -> dict[str, Any]:
 
 def landing(flight: FlightView) -> dict[str, Any] | None:
     """Return where the vehicle landed, in which zone and how far off the point; None before."""
-    executive, frame = flight.executive, flight.history.frame
+    executive, frame = flight.deciding.executive, flight.sensing.history.frame
     tally = executive.tally
     if executive.phase is not Phase.LANDED or tally.landed_enu_m is None or frame is None:
         return None
@@ -261,7 +261,7 @@ def landing(flight: FlightView) -> dict[str, Any] | None:
 def health(flight: FlightView) -> dict[str, Any]:
     """Return rates, delays and losses of the program itself."""
     link = flight.link.statistics()
-    lidar, fusion = flight.lidar.statistics(), flight.assembler.statistics()
+    lidar, fusion = flight.sensing.lidar.statistics(), flight.sensing.assembler.statistics()
     recorder = flight.recordings.recorder
     return {
         "ready": flight.link.ready,
@@ -273,11 +273,11 @@ def health(flight: FlightView) -> dict[str, Any]:
         "link_dropped": link.dropped,
         "delay_p99_ms": _finite(link.delay_p99_ms, 1),
         "sync_ms": _finite(link.residual_ms, 2) if flight.link.inbox.clock.timesync.synced else None,
-        "windows": flight.worker.reports,
-        "dropped_windows": flight.worker.dropped_windows,
-        "ages_ms": np.median(flight.worker.ages_ms.array(LATENCIES), axis=1).round(1).tolist(),
-        "window_s": round(flight.worker.window_s, 2),
-        "computing_pct": round(flight.worker.computing_share * 100),
+        "windows": flight.mapping.worker.reports,
+        "dropped_windows": flight.mapping.worker.dropped_windows,
+        "ages_ms": np.median(flight.mapping.worker.ages_ms.array(LATENCIES), axis=1).round(1).tolist(),
+        "window_s": round(flight.mapping.worker.window_s, 2),
+        "computing_pct": round(flight.mapping.worker.computing_share * 100),
         "streams": flight.streams.statistics(),
         "lidar": {name: value for name, value in lidar.items() if isinstance(value, int | float | str)},
         "fusion": {name: value for name, value in fusion.items() if isinstance(value, int | float | str)},

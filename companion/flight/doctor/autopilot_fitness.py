@@ -52,7 +52,7 @@ class Fitness:
     def __init__(
         self,
         auto: bool = False,
-        odometry: Callable[[], bool] = lambda: False,
+        odometry: bool = False,
         fence: FenceReader | None = None,
     ) -> None:
         self._auto, self._fence = auto, fence
@@ -203,7 +203,7 @@ class Fitness:
         self._firmware = firmware
         rows = (
             replace(row, optional=row.optional and row.name not in self._had)
-            for row in vehicle.autopilot.required(self._odometry())
+            for row in vehicle.autopilot.required(self._odometry)
         )
         self._rows = tuple(sorted(rows, key=lambda row: (row.optional, not row.critical)))
         self._reader = ParameterReader(self._rows, vehicle.autopilot)

@@ -56,7 +56,7 @@ class LiveView:
 
     def __init__(self, flight: FlightView, port: int) -> None:
         self._clock_offset_ns = time.time_ns() - now_ns()
-        self._wind = flight.wind
+        self._wind = flight.sensing.wind
         self._last_pose_ns = self._last_moving_ns = self._last_zones_ns = 0
         self._waiting: deque[Callable[[], None]] = deque(maxlen=MOST_WAITING)
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="slz-foxglove")
@@ -73,7 +73,7 @@ class LiveView:
         except Exception as error:
             raise UsageError(f"--foxglove {port}: {error}") from None
         self._channels = {t: c for t, c in foxglove_scene.channels(context).items() if t in SHOWN}
-        flight.worker.on_window.subscribe(self.window)
+        flight.mapping.worker.on_window.subscribe(self.window)
         flight.link.on_text.subscribe(self.text)
 
     @property

@@ -98,8 +98,13 @@ class ScanAssembler:
 
     @property
     def repeated(self) -> int:
-        """Returns of scans that repeated a picture of before."""
+        """Number of returns of scans that repeated an earlier picture."""
         return self._repeated.returns
+
+    @property
+    def mount_error_deg(self) -> tuple[float, float] | None:
+        """Roll and pitch by which the stated mount is certainly wrong, None where it is not."""
+        return self.boresight.error_deg
 
     def statistics(self) -> dict[str, int]:
         """Return the counts of emitted scans and of dropped returns by reason."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
+from typing import Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -15,6 +15,14 @@ from slz import LocalFrame
 
 POINT = 3  # param1: select (param2 = 0) or land at (param2 = 1) the point in x, y, z
 KINDS = NUMBERS | {0: OrderKind.ABORT, 4: OrderKind.LAND_NOW}  # 0 and 4: older numbers of 7 and 8
+
+
+class HasFrame(Protocol):
+    """Holder of the map frame, which is None before the first position."""
+
+    @property
+    def frame(self) -> LocalFrame | None:
+        """Map frame."""
 
 
 class MavlinkOrders:
@@ -29,13 +37,13 @@ class MavlinkOrders:
     ----------
     desk
         Executes the orders.
-    frame
-        Returns the map frame, None before the first position.
+    history
+        Holds the map frame.
     """
 
-    def __init__(self, desk: OrderDesk, frame: Callable[[], LocalFrame | None]) -> None:
+    def __init__(self, desk: OrderDesk, history: HasFrame) -> None:
         self._desk = desk
-        self._frame = frame
+        self._history = history
 
     def answer(self, command: OperatorCommand) -> CommandReply:
         """Execute a command and return the answer; the reason of a refusal goes to the sender's screen."""
@@ -62,7 +70,7 @@ class MavlinkOrders:
         return Order(kind, zone_id=int(which) if kind in OF_ZONES else None)
 
     def _point(self, command: OperatorCommand, kind: OrderKind) -> Order | Reply:
-        frame = self._frame()
+        frame = self._history.frame
         lat, lon, alt = command.x, command.y, command.z
         if frame is None:
             return Reply(False, "no position yet")

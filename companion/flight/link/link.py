@@ -141,6 +141,10 @@ class Link:
         ignored = self.key_mismatch if self.key_mismatch is KeyMismatch.NO_KEY else None
         return self.vehicle.no_command_reason or ("" if ignored is None else ignored.value)
 
+    def has_lost_fix(self) -> bool:
+        """Return whether the receiver had a fix and has none now."""
+        return self.vehicle.health.fix_lost
+
     @property
     def system_id(self) -> int:
         """System ID that we send with, the vehicle's once it is known."""

@@ -63,6 +63,8 @@ class PipelineWorker:
         Of each report (`AGES`,): ages of returns spread over its window, from their own stamps to the report.
     computing_ms
         Of each report, by the wall clock.
+    on_report
+        Event of a report.
     on_invalid
         Event of the first failed report after a success, with the reason.
     on_window
@@ -74,13 +76,11 @@ class PipelineWorker:
     def __init__(
         self,
         parameters: Parameters,
-        on_report: Callable[[Report], None],
         prior: PriorSource | None = None,
         *,
         oldest_ns: int = OLDEST_NS,
     ) -> None:
         self._parameters = parameters
-        self._on_report = on_report
         self._numbers: list[int] = []
         self.pace = WindowPace(parameters)
         self._windower = Windower(self.pace.window_s, parameters.window_s)
@@ -96,6 +96,7 @@ class PipelineWorker:
         self._wake = asyncio.Event()
         self._select: list[NDArray[np.float64] | None] = []
         self._forget = False
+        self.on_report: Event[[Report]] = Event()
         self.on_invalid: Event[[str]] = Event()
         self.invalid = False
         self.below = UNKNOWN_SURFACE
@@ -215,7 +216,7 @@ class PipelineWorker:
             self.invalid = False
             self.reports += 1
             self._follow(report, window, loop.time() - began_s)
-            self._on_report(report)
+            self.on_report.emit(report)
             for display in tuple(self.display_hooks):
                 if self._waiting is None:
                     await self._show(loop, display)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from companion.runtime.event import Event
-from slz import Intrusion, Intrusions, MovingObject, MovingObjects, Report, Scan
+from slz import Intrusion, Intrusions, MovingObject, MovingObjects, Report, Scan, SelectedPoint
 
 MOVED_NS = 600_000_000  # after its last scan, in which something that moves is still believed
 HELD_NS = 1_000_000_000  # after its last return; by then a window has judged the point
@@ -25,18 +25,17 @@ class PointWatch:
 
     def __init__(self, angle_noise_rad: float) -> None:
         self._intrusions, self._objects = Intrusions(), MovingObjects(angle_noise_rad)
-        self._report: Report | None = None
+        self._selected: SelectedPoint | None = None
         self._found: Intrusion | None = None
         self._found_ns = 0
         self.on_intrusion: Event[[]] = Event()
 
     def use_report(self, report: Report) -> None:
         """Watch the point of a report from now on."""
-        before = None if self._report is None else self._report.selected
-        now = report.selected
+        before, now = self._selected, report.selected
         if before is None or now is None or (before.enu_m[:2] != now.enu_m[:2]).any():
             self._forget_point()
-        self._report = report
+        self._selected = now
         self._objects.use_ground(report.nearby)
 
     def forget(self) -> None:
@@ -45,13 +44,13 @@ class PointWatch:
         self._objects.forget()
 
     def _forget_point(self) -> None:
-        self._report = self._found = None
+        self._selected = self._found = None
         self._intrusions.forget()
 
     def add(self, scan: Scan, now_ns: int) -> None:
         """Compare a scan."""
         self._objects.add(scan)
-        selected = None if self._report is None else self._report.selected
+        selected = self._selected
         found = self._intrusions.add(scan, None if selected is None else selected.ground)
         if found is None:
             return

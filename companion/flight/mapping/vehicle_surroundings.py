@@ -7,11 +7,12 @@ import numpy as np
 from companion.flight.geometry.axes import Floats, level_frd_m
 from companion.flight.geometry.pose import Pose
 from companion.flight.mapping.clearance import height_m
+from companion.flight.mapping.latest_report import LatestReport
 from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.flight.mapping.wire_points import wire_points_enu_m
 from companion.runtime.clock import now_ns
 from params import Parameters
-from slz import Nearby, Report
+from slz import Nearby
 
 CELL_POINTS = 3  # returns that a cell of the map, or a place of a wire, counts as
 FARTHEST_M = 50.0  # of an obstacle from the vehicle
@@ -25,32 +26,23 @@ class Surroundings:
     ----------
     returns
         Returns of the latest scans.
-    report
-        Newest report, None without one.
+    latest
+        Newest report.
     """
 
-    def __init__(self, returns: RecentObstacles, parameters: Parameters) -> None:
-        self.returns, self._parameters = returns, parameters
-        self.report: Report | None = None
-        self._report_ns = 0
-
-    def use_report(self, report: Report) -> None:
-        """Use a report from now on."""
-        self.report, self._report_ns = report, now_ns()
-
-    def forget(self) -> None:
-        """Drop report and recent returns: the position estimate moved."""
-        self.report = None
-        self.returns.forget()
+    def __init__(self, returns: RecentObstacles, latest: LatestReport, parameters: Parameters) -> None:
+        self.returns, self.latest, self._parameters = returns, latest, parameters
 
     def nearby(self) -> Nearby | None:
         """Return the map around the vehicle, None without one that is new enough."""
-        old = self.report is None or now_ns() - self._report_ns > REPORT_NS
-        return None if old or self.report is None else self.report.nearby
+        report, arrived_ns = self.latest.newest, self.latest.arrived_ns
+        if report is None or arrived_ns is None or now_ns() - arrived_ns > REPORT_NS:
+            return None
+        return report.nearby
 
     def wires_enu_m(self, position_enu_m: Floats, reach_m: float) -> Floats:
         """Return points (n, 3) along the wires around a position; they stay however old the report is."""
-        return wire_points_enu_m(self.report, position_enu_m, reach_m)
+        return wire_points_enu_m(self.latest.newest, position_enu_m, reach_m)
 
     def height_m(self, position_enu_m: Floats, at_ns: int) -> float:
         """Return the height above ground (m), NaN while unknown."""

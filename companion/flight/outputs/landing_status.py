@@ -6,7 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.landing.executive import Executive
+from companion.flight.link.link import Link
 from companion.flight.link.statustext import named_value
+from companion.flight.mapping.latest_report import LatestReport
+from companion.flight.mapping.pipeline_worker import PipelineWorker
+from companion.runtime.clock import now_ns
 
 PHASES = ("idle", "survey", "approach", "descend", "final", "landed", "climb", "hold", "failsafe")
 POINTS = ("none", "safe", "unsafe", "unknown")
@@ -31,6 +37,29 @@ class Status:
     latency_ms: float
     dropped: int
     sync_ms: float
+
+
+def landing_status(
+    link: Link, history: PoseHistory, worker: PipelineWorker, latest: LatestReport, executive: Executive
+) -> Status:
+    """Return the state of the landing by the newest report, if it is fresh."""
+    nan, now = float("nan"), now_ns()
+    report, pose = latest.fresh(now), history.latest(now)
+    selected = None if report is None else report.selected
+    best = report.zones[0] if report is not None and report.zones else None
+    over = nan if pose is None or selected is None else float(pose.position_enu_m[2]) - selected.height_m
+    timesync = link.inbox.clock.timesync
+    return Status(
+        phase=executive.phase.value,
+        zones=0 if report is None else len(report.zones),
+        best_zone=nan if best is None else best.id,
+        point="none" if selected is None else selected.state.value,
+        certainty=selected.certainty if selected is not None else nan if best is None else best.certainty,
+        height_m=over,
+        latency_ms=worker.age_ms,
+        dropped=worker.dropped_windows + link.statistics().dropped,
+        sync_ms=timesync.residual_ns * 1e-6 if timesync.synced else nan,
+    )
 
 
 def status_messages(status: Status, boot_ms: int) -> list[Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -34,6 +34,20 @@ ODOMETRY_HZ = 10.0
 POINTS_EVERY = 3
 
 
+class HasTarget(Protocol):
+    """Holder of the landing point (3,) of the map frame for LANDING_TARGET; None for none."""
+
+    target_enu_m: Floats | None
+
+
+class HasEstimate(Protocol):
+    """Source of the newest pose on the map, None without one."""
+
+    @property
+    def estimate(self) -> OdometryEstimate | None:
+        """Newest estimate."""
+
+
 class MessageSchedule:
     """Sender of each message at its own rate, with the newest pose and the newest report.
 
@@ -44,13 +58,13 @@ class MessageSchedule:
     ranges
         Whether to send ranges and obstacles: False if the LiDAR's data come through the autopilot, which
         forwards what it receives, so that the map would confirm itself.
+    commands
+        Holder of the landing point.
     odometry
-        Newest estimate of the LiDAR odometry, None without one; sent if `parameters.odometry` is "autopilot".
+        Source of estimates of the place, which are sent if `parameters.odometry` is "autopilot".
 
     Attributes
     ----------
-    target_enu_m
-        Landing point (3,) for LANDING_TARGET, None for none.
     height_m
         Height above ground as last sent, None while unknown.
     """
@@ -62,20 +76,21 @@ class MessageSchedule:
         surroundings: Surroundings,
         parameters: Parameters,
         status: Callable[[], Status],
+        commands: HasTarget,
+        odometry: HasEstimate | None = None,
+        *,
         ranges: bool = True,
-        odometry: Callable[[], OdometryEstimate | None] = lambda: None,
     ) -> None:
         self._link = link
         self._history = history
         self._surroundings = surroundings
         self._parameters = parameters
-        self._status = status
+        self._status, self._commands = status, commands
         self._ranges = ranges
         self._odometry = odometry
         self._odometry_stream = OdometryStream()
         self._batch_ms = 0
         self._turn = 0
-        self.target_enu_m: Floats | None = None
         self.height_m: float | None = None
         self._cadences = {
             "LANDING_TARGET": Cadence(parameters.landing_target_hz),
@@ -109,12 +124,13 @@ class MessageSchedule:
     def send_target(self) -> None:
         """Send the landing target, if there is one."""
         at_ns = now_ns()
-        pose = None if self.target_enu_m is None else self._history.latest(at_ns)
+        target_enu_m = self._commands.target_enu_m
+        pose = None if target_enu_m is None else self._history.latest(at_ns)
         message = None
-        if pose is not None and self.target_enu_m is not None:
+        if pose is not None and target_enu_m is not None:
             message = landing_target(
                 self._link.vehicle,
-                self.target_enu_m,
+                target_enu_m,
                 pose,
                 at_ns,
                 pose_timeout_s=self._parameters.pose_timeout_s,
@@ -161,7 +177,7 @@ class MessageSchedule:
         """Send a batch of points, if they are used; distances must follow: some versions forget them."""
         if not self._link.vehicle.autopilot.takes_obstacle_points:
             return
-        report = self._surroundings.report
+        report = self._surroundings.latest.newest
         selected = None if report is None else report.selected
         points = obstacle_points_enu_m(pose.position_enu_m, around, selected, low_m)
         points = np.concatenate([points, self._surroundings.wires_enu_m(pose.position_enu_m, reach_m)])
@@ -190,7 +206,8 @@ class MessageSchedule:
         """Send each estimate of the LiDAR odometry once, if it shall aid the autopilot."""
         if self._parameters.odometry != "autopilot":
             return
-        due = self._odometry_stream.due(self._link.vehicle, self._odometry(), self._history.frame, now_ns())
+        estimate = None if self._odometry is None else self._odometry.estimate
+        due = self._odometry_stream.due(self._link.vehicle, estimate, self._history.frame, now_ns())
         for message in due:
             if message.get_type() == "ODOMETRY":
                 self._send("ODOMETRY", message)

@@ -6,11 +6,13 @@ import asyncio
 import itertools
 import logging
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from companion.flight.fusion.assembler import ScanAssembler
 from companion.flight.fusion.external_odometry.odometry_input import OdometryInput
+from companion.flight.geometry.pose import Pose
 from companion.flight.landing.situation import Reply
 from companion.flight.link.link import Link
 from companion.flight.mapping.pipeline_worker import PipelineWorker
@@ -21,6 +23,7 @@ from companion.runtime.clock import WallOffset
 from companion.runtime.errors import UsageError
 from companion.runtime.event import Unsubscribe
 from companion.runtime.state_directory import StateDir
+from slz import LocalFrame, MovingObject, Report
 
 log = logging.getLogger(__name__)
 
@@ -34,8 +37,8 @@ class Recordings:
         Packet stream of the first sensor; a second one is not recorded.
     state
         State directory for recordings begun in flight; None allows none.
-    scans
-        Returns the number of scans so far, by which windows number theirs.
+    assembler
+        Counts the scans, by which windows number theirs.
     odometry
         An external odometry, if any.
 
@@ -53,15 +56,39 @@ class Recordings:
         settings: Settings,
         wall_offset_ns: WallOffset,
         state: StateDir | None,
-        scans: Callable[[], int] = lambda: 0,
+        assembler: ScanAssembler | None = None,
         odometry: OdometryInput | None = None,
     ) -> None:
         self._link, self._stream, self._worker, self._settings = link, stream, worker, settings
-        self._wall_offset_ns, self._scans = wall_offset_ns, scans
+        self._wall_offset_ns, self._assembler = wall_offset_ns, assembler
         self._odometry = odometry
         self._folder = None if state is None else state.folder / "recordings"
         self._unsubscribe: Sequence[Unsubscribe] = ()
         self.recorder: Recorder | None = None
+
+    # ---- what is recorded, while something is ----------------------------------------------------
+
+    def use_report(self, report: Report) -> None:
+        """Record a report."""
+        if self.recorder is not None:
+            self.recorder.use_report(report)
+
+    def pose(self, pose: Pose, frame: LocalFrame) -> None:
+        """Record the vehicle's pose."""
+        if self.recorder is not None:
+            self.recorder.pose(pose, frame)
+
+    def moving(self, objects: tuple[MovingObject, ...]) -> None:
+        """Record what moves around the vehicle."""
+        if self.recorder is not None:
+            self.recorder.moving(objects)
+
+    def frame_begun(self, frame: LocalFrame) -> None:
+        """Record the beginning of a map frame."""
+        if self.recorder is not None:
+            self.recorder.frame_begun(frame)
+
+    # ---- begin and end ---------------------------------------------------------------------------
 
     def start_recording(self, path: Path) -> None:
         """Begin recording into a file.
@@ -73,7 +100,8 @@ class Recordings:
         """
         stream, settings = self._stream, self._settings
         link = self._link.identity, not self._link.inbox.gate.is_open
-        begun = self._wall_offset_ns(), stream.metadata, self._scans()
+        scans = 0 if self._assembler is None else self._assembler.scans
+        begun = self._wall_offset_ns(), stream.metadata, scans
         topic = "" if self._odometry is None else str(self._odometry.topic)
         recorder = Recorder(path, stream.kind, settings.running, *begun, *link, topic)
         self._unsubscribe = (

@@ -22,16 +22,17 @@ def statuses(flight: FlightView, ros: Mapping[str, Any]) -> list[Status]:
 
     ros: counters of the ROS node.
     """
-    s, worker, report = flight.situation(), flight.worker, flight.report
+    s, worker = flight.deciding.situations.situation(), flight.mapping.worker
+    report = flight.mapping.latest.newest
     selected = None if report is None else report.selected
-    frame = flight.history.frame
-    phase = flight.executive.phase.value
+    frame = flight.sensing.history.frame
+    phase = flight.deciding.executive.phase.value
     landing = {
         "phase": phase,
         "mode": s.mode,
         "zones": 0 if report is None else len(report.zones),
         "point": "none" if selected is None else selected.state.value,
-        "aborts": flight.executive.tally.aborts,
+        "aborts": flight.deciding.executive.tally.aborts,
     }
     origin = {} if frame is None else {"lat": frame.lat_deg, "lon": frame.lon_deg, "alt_m": frame.alt_m}
     mapping = {
@@ -47,7 +48,7 @@ def statuses(flight: FlightView, ros: Mapping[str, Any]) -> list[Status]:
     return [
         ("landing", ERROR if s.failsafe else OK, "failsafe" if s.failsafe else phase, landing),
         ("map", ERROR if worker.invalid else OK, "withdrawn" if worker.invalid else "", mapping),
-        ("LiDAR", WARN if blind else OK, blind, flight.lidar.statistics()),
+        ("LiDAR", WARN if blind else OK, blind, flight.sensing.lidar.statistics()),
         ("MAVLink", OK if s.connected else ERROR, "" if s.connected else "no autopilot", counters),
         *_odometry(flight, s.now_ns),
         ("ROS 2", OK, "", ros),
@@ -56,7 +57,7 @@ def statuses(flight: FlightView, ros: Mapping[str, Any]) -> list[Status]:
 
 def _odometry(flight: FlightView, at_ns: int) -> list[Status]:
     """Return the state of the odometry that is subscribed, none without one."""
-    odometry, messages = flight.odometry, flight.ros_odometry
+    odometry, messages = flight.sensing.odometry, flight.sensing.ros_odometry
     if messages is None or not isinstance(odometry, ExternalOdometry):
         return []
     why = odometry.why_not(at_ns)

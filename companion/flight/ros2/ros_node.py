@@ -64,8 +64,8 @@ class RosNode:
         self._last_pose_ns = 0
         self._last_map_s = -MAP_S
         self._centre: tuple[NDArray[np.float64], int] | None = None
-        flight.worker.display_hooks[DISPLAY] = self._copy_map
-        flight.worker.on_invalid.subscribe(lambda _: self.clear())
+        flight.mapping.worker.display_hooks[DISPLAY] = self._copy_map
+        flight.mapping.worker.on_invalid.subscribe(lambda _: self.clear())
 
     async def run(self) -> None:
         """Open the session and publish diagnostics until cancelled; a failure does not affect the landing."""
@@ -86,7 +86,7 @@ class RosNode:
     def use_report(self, report: Report) -> None:
         """Publish the zones, and the selected point while it is safe."""
         at_ns = self._wall_ns()
-        pose = self._flight.history.latest(now_ns())
+        pose = self._flight.sensing.history.latest(now_ns())
         self._centre = None if pose is None else (pose.position_enu_m, at_ns)
         self._put(ZONES, lambda: zone_markers.markers(report, at_ns))
         selected = report.selected
@@ -118,7 +118,7 @@ class RosNode:
 
     def close(self) -> None:
         """Leave the ROS graph; what waits is dropped."""
-        self._flight.worker.display_hooks.pop(DISPLAY, None)
+        self._flight.mapping.worker.display_hooks.pop(DISPLAY, None)
         self._thread.shutdown(wait=False, cancel_futures=True)
         self.session.close()
 
@@ -131,7 +131,7 @@ class RosNode:
 
     def _is_intruded(self) -> bool:
         """Return whether something has come onto the selected point since its window."""
-        selected = self._flight.situation().selected
+        selected = self._flight.deciding.situations.situation().selected
         return selected is not None and selected.state is not PointState.SAFE
 
     def _copy_map(self, pipeline: Pipeline) -> None:

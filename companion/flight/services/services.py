@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from companion.flight.link.link import Link
 from companion.flight.link.mission_protocol import RallyPoint
 from companion.flight.link.wire.signing import HIGHEST_TICK, Signing
 from companion.flight.link.wire.signing_key import read_key
+from companion.flight.mapping.latest_report import LatestReport
 from companion.flight.services.fence_reader import FenceReader
 from companion.flight.services.parameter_server import ParameterHolder, ParameterServer
 from companion.flight.services.rally_points import TRANSFERS, Rally, best_points
@@ -64,8 +64,8 @@ class Services:
         Source of the requests, and holder of the values.
     signing, state
         Signing of the link; state directory for its timestamp and our rally points.
-    report
-        Returns the newest report, None without a fresh one.
+    latest
+        Newest report, None for a program without a map.
     orders
         Parameters that are orders.
     fence
@@ -78,14 +78,14 @@ class Services:
         settings: Settings,
         signing: Signing | None = None,
         state: StateDir | None = None,
-        report: Callable[[], Report | None] = lambda: None,
+        latest: LatestReport | None = None,
         orders: tuple[ParameterHolder, ...] = (),
         fence: FenceReader | None = None,
     ) -> None:
         self._link = link
         self.fence = FenceReader() if fence is None else fence
         self._settings = settings
-        self.report = report
+        self._latest = latest
         self._seen: Report | None = None
         self._points: tuple[RallyPoint, ...] = ()
         self._signing = signing
@@ -150,7 +150,7 @@ class Services:
             return None
         if parameters.rally == "off" or not vehicle.armed:
             return ()
-        report = self.report()
+        report = None if self._latest is None else self._latest.valid(now_ns())
         if report is None:
             return None
         if report is not self._seen:  # once per report, because the tick is twenty times as fast

@@ -39,6 +39,8 @@ class Settings:
         Parameter table.
     on_change
         Event (Python name, value) of a changed parameter.
+    on_running
+        Event of the parameters in force after a change.
     """
 
     def __init__(self, parameters: Parameters, state: StateDir | None = None) -> None:
@@ -46,6 +48,7 @@ class Settings:
         self._state = state
         self._changed = {} if state is None else read_stored(state)
         self.on_change: Event[[str, Any]] = Event()
+        self.on_running: Event[[Parameters]] = Event()
         self.rows = params.rows()
         self._rows = {row.name: row for row in self.rows}
 
@@ -74,6 +77,7 @@ class Settings:
             return Change(False, f"{row.mavlink} not kept: {fault}")
         self.stored, self.running, self._changed = stored, running, changed
         self.on_change.emit(name, new)
+        self.on_running.emit(running)
         when = "now" if row.live else "at the next start"
         return Change(True, f"{row.mavlink} {_shown(new)} {row.unit}".rstrip() + f" {when}")
 

@@ -9,11 +9,11 @@ from tests.answers.recorder import Recorder
 QUICK = ("--headless", "--point-rate", "25000", "--limit-s", "200")
 FLIGHTS: dict[str, list[str]] = {
     "stadium": ["--scene", "stadium", "--seed", "1"],
-    "plain_source": ["--scene", "plain", "--seed", "2", "--set", "mode=source"],
+    "plain": ["--scene", "plain", "--seed", "2"],
     "hill_helicopter": ["--scene", "hill", "--seed", "3", "--profile", "helicopter"],
     "streets": ["--scene", "streets", "--seed", "4"],
     "mountains": ["--scene", "mountains", "--seed", "5"],
-    "dense_source": ["--scene", "dense", "--seed", "6", "--set", "mode=source"],
+    "dense": ["--scene", "dense", "--seed", "6"],
     "dust_out": ["--scene", "dust_out", "--seed", "7"],
     "plain_intruder": ["--scene", "plain", "--seed", "8", "--intruder", "car@15"],
     "stadium_flash": ["--scene", "stadium", "--seed", "9", "--sensor", "flash"],

@@ -22,6 +22,7 @@ from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.command import CommandResult
 from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.sensing import Sources
 from companion.runtime.clock import now_ns
 
 IN_FLIGHT = VehicleState(
@@ -55,7 +56,7 @@ READ = {
 @pytest.fixture
 def on_px4(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Companion, list[Any]]]:
     """Return a companion on a flying PX4, and what it sends."""
-    made = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
+    made = Companion("udpin:127.0.0.1:14550", Sources("livox:127.0.0.1:56301"), params.load(), auto=False)
     sent: list[Any] = []
     monkeypatch.setattr(made.link, "send", sent.append)
 
@@ -66,7 +67,7 @@ def on_px4(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Companion, list[An
     monkeypatch.setattr(made.link, "command", command)
     made.executive.state.phase = Phase.FINAL
     yield made, sent
-    made.worker.close()
+    made.mapping.worker.close()
 
 
 def tick(made: Companion, monkeypatch: pytest.MonkeyPatch, commands: VehicleCommands) -> None:
@@ -74,7 +75,7 @@ def tick(made: Companion, monkeypatch: pytest.MonkeyPatch, commands: VehicleComm
     monkeypatch.setattr(made.executive, "step", lambda _situation: commands)
     vehicle = replace(IN_FLIGHT, last_heartbeat_ns=now_ns())
     monkeypatch.setattr(Link, "vehicle", property(lambda _link: vehicle))
-    made.decisions.run_once()
+    made.deciding.loop.run_once()
 
 
 @pytest.mark.parametrize(("kind", "numbers"), [("land", (4.0, 9.0)), ("guided", (6.0, 0.0))])
@@ -85,7 +86,7 @@ async def test_it_lands_by_the_mode_not_by_the_command(
     made, sent = on_px4
     tick(made, monkeypatch, VehicleCommands(mode=kind, velocity_enu_ms=np.zeros(3)))
     await asyncio.sleep(0)
-    made.modes.cancel()
+    made.deciding.modes.cancel()
     (command,) = [message for message in sent if not hasattr(message, "get_type")]
     assert command.command == mavlink.MAV_CMD_DO_SET_MODE
     assert command.params[:3] == (1.0, *numbers)

@@ -54,7 +54,7 @@ class Flight:
 
     def see(self, **more: Any) -> Any:
         self.seen = replace(self.seen, **more)
-        return self.companion.situations.situation()
+        return self.companion.deciding.situations.situation()
 
 
 CAME = {
@@ -131,7 +131,7 @@ def test_the_clock_offset_moves_position_and_target_apart() -> None:
         flight.seen = Seen(wind=Wind(np.pi, 5.0, 6.0, "tilt"), position_enu_m=np.zeros(3))
         flight.commands = Commands(np.array([1.0, 2.0, 0.0]))
         with WEAKNESSES["clock_offset"](flight):  # type: ignore[arg-type]
-            s = flight.companion.situations.situation()
+            s = flight.companion.deciding.situations.situation()
             target = flight.companion.executive.step(s).target_enu_m
         assert s.position_enu_m == pytest.approx([-off_m, 0.0, 0.0])
         assert target == pytest.approx([1.0 + off_m, 2.0, 0.0])
@@ -145,7 +145,7 @@ class Commands:
 def test_a_weakness_is_gone_after_the_flight() -> None:
     for weakness in (*WEAKNESSES.values(), all_at_once):
         flight = Flight()
-        before = flight.companion.situations.situation
+        before = flight.companion.deciding.situations.situation
         with weakness(flight):  # type: ignore[arg-type]
-            assert flight.companion.situations.situation is not before
-        assert flight.companion.situations.situation is before
+            assert flight.companion.deciding.situations.situation is not before
+        assert flight.companion.deciding.situations.situation is before

@@ -77,8 +77,7 @@ class CapturedPackets:
         stream = self._stream = PacketStream(decoder, rerun.parameters, rerun.add_returns, lambda: 0)
         stream.on_imu.subscribe(rerun.on_imu.emit)
         rerun.diagnosis = stream.diagnosis
-        rerun.diagnosis.repeated = lambda: rerun.assembler.repeated
-        rerun.diagnosis.mount_error_deg = lambda: rerun.assembler.boresight.error_deg
+        rerun.diagnosis.placed = rerun.assembler
         see = _BatchDecoder(stream)
         recorded = continuous_time(clock_steps, (one.at_ns for one in self._capture.datagrams()))
         at_ns = 0

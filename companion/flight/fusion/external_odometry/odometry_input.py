@@ -11,7 +11,6 @@ from companion.flight.fusion.external_odometry.odometry_clock import OdometryClo
 from companion.flight.fusion.external_odometry.odometry_topic import EXAMPLE, OdometryTopic
 from companion.flight.fusion.external_odometry.pose_stream import PoseStream
 from companion.flight.fusion.external_odometry.ros_odometry import RosOdometry
-from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.rmw.ros_session import RosSession
 from companion.runtime.errors import UsageError
 from params import Parameters
@@ -29,15 +28,11 @@ class OdometryInput:
     def open(
         cls,
         topic: OdometryTopic,
-        parameters: Parameters,
-        history: PoseHistory,
-        *,
-        gps_lost: Callable[[], bool],
+        odometry: ExternalOdometry,
         cloud_offset_ns: Offset,
         wall_offset_ns: Callable[[], int],
     ) -> Self:
-        """Return the odometry of a topic, which corrects a history."""
-        odometry = ExternalOdometry(history, topic.child_frame(parameters), gps_lost)
+        """Return the stream of a topic's messages to an odometry; offsets as of `OdometryClock`."""
         clock = OdometryClock(cloud_offset_ns, wall_offset_ns)
         return cls(topic, odometry, PoseStream(clock, odometry.add_pose, odometry.on_drop))
 

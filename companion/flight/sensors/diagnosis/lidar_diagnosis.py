@@ -67,6 +67,18 @@ class StreamClock(Protocol):
         """How much faster it runs; None if unsure."""
 
 
+class PlacedScans(Protocol):
+    """What placing the returns on the map shows of the sensor."""
+
+    @property
+    def repeated(self) -> int:
+        """Number of returns of scans that repeated an earlier picture."""
+
+    @property
+    def mount_error_deg(self) -> tuple[float, float] | None:
+        """Roll and pitch by which the stated mount is certainly wrong, None where it is not."""
+
+
 @dataclass(slots=True)
 class Episode:
     """A cause from its first sign to its last.
@@ -119,10 +131,8 @@ class LidarDiagnosis:
     surroundings
         Returns what is known of the sensor beside its packets; called at each look without points, and
         where packets are missing.
-    repeated
-        Returns how many returns were recognised as those of a picture that came before.
-    mount_error_deg
-        Returns roll and pitch by which the told mount is certainly wrong, None where it is not.
+    placed
+        Scans that the returns became, None without.
     undecoded
         LiDAR without a decoder that sends to this port, empty without one.
     """
@@ -153,8 +163,7 @@ class LidarDiagnosis:
         self._active: dict[str, Episode] = {}
         self._past: deque[Episode] = deque(maxlen=FORGOTTEN)
         self.surroundings: Callable[[], Surroundings] = Surroundings
-        self.repeated: Callable[[], int] = int
-        self.mount_error_deg: Callable[[], tuple[float, float] | None] = lambda: None
+        self.placed: PlacedScans | None = None
         self.undecoded = ""
 
     @property
@@ -240,7 +249,7 @@ class LidarDiagnosis:
             imu=imu,
             unfit=self._unfit,
             dropped=dropped,
-            repeated=self.repeated(),
+            repeated=0 if self.placed is None else self.placed.repeated,
             covered_ns=signs.covered_ns,
             azimuth_packets=np.array(signs.azimuth_packets, np.int64),
             seen=picture.seen.copy(),
@@ -295,7 +304,8 @@ class LidarDiagnosis:
             shown["two_sensors"] = explain.two_sensors()
         if look.repeated:
             shown["repeats"] = explain.repeats()
-        if (error_deg := self.mount_error_deg()) is not None:
+        error_deg = None if self.placed is None else self.placed.mount_error_deg
+        if error_deg is not None:
             shown["mount"] = explain.wrong_mount(*error_deg)
         if now_ns - self._gap_at_ns < SHOWN_NS:
             shown["pauses"] = explain.pauses(self._gap_ns * 1e-9)

@@ -19,7 +19,8 @@ from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.command import CommandResult
 from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
-from companion.flight.mapping.pipeline_worker import PipelineWorker
+from companion.flight.sensing import Sources
+from companion.flight.telling import Displays
 from companion.runtime.clock import now_ns
 from slz import LocalFrame, Scan
 from tests.integration.link_bench import on_simulated_clock
@@ -34,7 +35,7 @@ class Cockpit:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.companion = Companion(
-            "udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False
+            "udpin:127.0.0.1:14550", Sources("livox:127.0.0.1:56301"), params.load(), auto=False
         )
         self.vehicle = FLYING
         self.sent: list[Any] = []
@@ -59,7 +60,7 @@ class Cockpit:
     async def tick(self, mode: str, heard_s_ago: float = 0.0) -> None:
         heard_ns = now_ns() - round(heard_s_ago * 1e9)
         self.vehicle = replace(FLYING, mode=mode, last_heartbeat_ns=heard_ns)
-        self.companion.decisions.run_once()
+        self.companion.deciding.loop.run_once()
         await asyncio.sleep(0.01)
 
     def velocities(self) -> list[tuple[float, float, float]]:
@@ -71,8 +72,8 @@ class Cockpit:
 async def cockpit(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Cockpit]:
     made = Cockpit(monkeypatch)
     yield made
-    made.companion.modes.cancel()
-    made.companion.worker.close()
+    made.companion.deciding.modes.cancel()
+    made.companion.mapping.worker.close()
 
 
 @pytest.mark.parametrize(("mode", "heard_s_ago"), [("GUIDED", 0.0), ("LAND", 3.0)])
@@ -134,7 +135,7 @@ async def test_the_stop_is_the_last_setpoint(monkeypatch: pytest.MonkeyPatch) ->
         await seat.tick("GUIDED")
         seat.commands = VehicleCommands(velocity_enu_ms=np.array([4.0, 0.0, 0.0]))
         stop = asyncio.Event()
-        deciding = asyncio.create_task(companion.decisions.run(stop))
+        deciding = asyncio.create_task(companion.deciding.loop.run(stop))
         await asyncio.sleep(0.12)
         stop.set()
         await companion.leave()
@@ -171,12 +172,12 @@ async def test_reports_may_come_as_seldom_as_the_adapted_window_makes_them(
 ) -> None:
     """The pipeline gathers up to two seconds where returns are few."""
     async with cockpit(monkeypatch) as seat:
-        monkeypatch.setattr(PipelineWorker, "window_s", property(lambda _: window_s))
+        seat.companion.mapping.worker.pace.window_s = window_s
         report = Flight([]).situation().report
         assert report is not None
-        seat.companion.situations.use_report(report)
-        monkeypatch.setattr(situation_source, "now_ns", lambda: now_ns() + round(age_s * 1e9))
-        assert (seat.companion.situations.report_now() is report) is fresh
+        latest = seat.companion.mapping.latest
+        latest.use_report(report)
+        assert (latest.fresh(now_ns() + round(age_s * 1e9)) is report) is fresh
 
 
 @pytest.mark.parametrize(
@@ -190,16 +191,15 @@ async def test_a_radar_sees_for_a_blind_lidar_and_not_for_a_silent_one(
     """In dust the LiDAR sends packets without a return; one whose cable broke sends none."""
     companion = Companion(
         "udpin:127.0.0.1:14550",
-        "livox:127.0.0.1:56301",
+        Sources("livox:127.0.0.1:56301", "radar:127.0.0.1:7611"),
         params.load("quadcopter", ["lidar_timeout_s=1"]),
         auto=False,
-        radar_url="radar:127.0.0.1:7611",
     )
     now = now_ns()
-    companion.situations.on_scan(now - round(seen_s * 1e9))
-    companion.lidar.stream.last_arrival_ns = None if lidar_s is None else now - round(lidar_s * 1e9)  # type: ignore[attr-defined]
-    assert companion.situations.scans_are_fresh(now) is fresh
-    companion.worker.close()
+    companion.mapping.feed.last_scan_ns = now - round(seen_s * 1e9)
+    companion.sensing.lidar.stream.last_arrival_ns = None if lidar_s is None else now - round(lidar_s * 1e9)  # type: ignore[attr-defined]
+    assert companion.deciding.situations.scans_are_fresh(now) is fresh
+    companion.mapping.worker.close()
 
 
 ON_PX4 = replace(FLYING, autopilot=PX4, local_ned_m=(3.0, -4.0, -12.0), local_boot_ms=9_900, boot_ms=10_000)
@@ -270,7 +270,7 @@ async def test_the_mode_is_known_at_one_heartbeat_a_second_of_which_one_is_lost(
     async with cockpit(monkeypatch) as seat:
         monkeypatch.setattr(f"{__name__}.FLYING", ON_PX4)
         await seat.tick("OFFBOARD", heard_s_ago)
-        assert seat.companion.situation().heard is known
+        assert seat.companion.deciding.situations.situation().heard is known
 
 
 def scan(stamp_ns: int) -> Scan:
@@ -284,17 +284,17 @@ async def test_the_first_scan_after_a_jump_of_the_estimate_begins_a_new_map(
 ) -> None:
     async with cockpit(monkeypatch) as seat:
         companion, begun, offered = seat.companion, [], []
-        monkeypatch.setattr(companion.worker, "reset", lambda: begun.append("map"))
-        monkeypatch.setattr(companion.worker, "add_scan", lambda scan, _number: offered.append(scan))
+        monkeypatch.setattr(companion.mapping.worker, "reset", lambda: begun.append("map"))
+        monkeypatch.setattr(companion.mapping.worker, "add_scan", lambda scan, _number: offered.append(scan))
         companion.link.ready = True
-        companion.feed.add_lidar_scan(scan(1))
-        companion.feed.add_radar_scan(scan(2))
+        companion.mapping.feed.add_lidar_scan(scan(1))
+        companion.mapping.feed.add_radar_scan(scan(2))
         assert (len(begun), len(offered)) == (0, 2)
-        companion.history.epoch += 1
-        companion.feed.add_radar_scan(scan(3))  # it may still be of the frame before
+        companion.sensing.history.epoch += 1
+        companion.mapping.feed.add_radar_scan(scan(3))  # it may still be of the frame before
         assert (len(begun), len(offered)) == (0, 2)
-        companion.feed.add_lidar_scan(scan(4))
-        companion.feed.add_radar_scan(scan(5))
+        companion.mapping.feed.add_lidar_scan(scan(4))
+        companion.mapping.feed.add_radar_scan(scan(5))
         assert (len(begun), len(offered)) == (1, 3)
         assert "the position estimate jumped: mapping anew" in caplog.text
 
@@ -306,16 +306,16 @@ async def test_a_point_selected_after_a_jump_is_selected_in_the_new_map(
     """Else the map's end would take the point that the executive has just moved with the estimate."""
     async with cockpit(monkeypatch) as seat:
         companion, point, done, offered = seat.companion, np.array([1.0, 2.0, 0.0]), [], []
-        monkeypatch.setattr(companion.worker, "reset", lambda: done.append("map"))
-        monkeypatch.setattr(companion.worker, "select", lambda _point: done.append("point"))
-        monkeypatch.setattr(companion.worker, "add_scan", lambda scan, _number: offered.append(scan))
+        monkeypatch.setattr(companion.mapping.worker, "reset", lambda: done.append("map"))
+        monkeypatch.setattr(companion.mapping.worker, "select", lambda _point: done.append("point"))
+        monkeypatch.setattr(companion.mapping.worker, "add_scan", lambda scan, _number: offered.append(scan))
         companion.link.ready = True
         seat.commands = VehicleCommands(select_enu_m=point)
-        companion.history.epoch += 1
+        companion.sensing.history.epoch += 1
         await seat.tick("GUIDED")
-        companion.feed.add_lidar_scan(scan(1))  # it may still be of the frame before
+        companion.mapping.feed.add_lidar_scan(scan(1))  # it may still be of the frame before
         assert (done, offered) == (["map", "point"], [])
-        companion.feed.add_lidar_scan(scan(2))
+        companion.mapping.feed.add_lidar_scan(scan(2))
         assert (done, len(offered)) == (["map", "point"], 1)
 
 
@@ -323,10 +323,10 @@ async def test_a_point_selected_after_a_jump_is_selected_in_the_new_map(
 async def test_a_reboot_of_the_autopilot_begins_a_new_map(monkeypatch: pytest.MonkeyPatch) -> None:
     async with cockpit(monkeypatch) as seat:
         begun: list[str] = []
-        monkeypatch.setattr(seat.companion.worker, "reset", lambda: begun.append("map"))
-        seat.companion.feed.add_lidar_scan(scan(1))
+        monkeypatch.setattr(seat.companion.mapping.worker, "reset", lambda: begun.append("map"))
+        seat.companion.mapping.feed.add_lidar_scan(scan(1))
         seat.companion.link.inbox.on_reboot.emit()
-        seat.companion.feed.add_lidar_scan(scan(2))
+        seat.companion.mapping.feed.add_lidar_scan(scan(2))
         assert begun == ["map"]
 
 
@@ -334,12 +334,14 @@ async def test_a_reboot_of_the_autopilot_begins_a_new_map(monkeypatch: pytest.Mo
 async def test_nothing_is_mapped_before_the_kernels_are_warm(monkeypatch: pytest.MonkeyPatch) -> None:
     async with cockpit(monkeypatch) as seat:
         offered: list[Scan] = []
-        monkeypatch.setattr(seat.companion.worker, "add_scan", lambda scan, _number: offered.append(scan))
+        monkeypatch.setattr(
+            seat.companion.mapping.worker, "add_scan", lambda scan, _number: offered.append(scan)
+        )
         seat.companion.link.ready = False
-        seat.companion.feed.add_lidar_scan(scan(1))
+        seat.companion.mapping.feed.add_lidar_scan(scan(1))
         assert offered == []
         seat.companion.link.ready = True
-        seat.companion.feed.add_lidar_scan(scan(2))
+        seat.companion.mapping.feed.add_lidar_scan(scan(2))
         assert len(offered) == 1
 
 
@@ -349,17 +351,20 @@ async def test_a_radar_and_a_view_run_and_end_with_the_companion(monkeypatch: py
 
     ports = [free_port() for _ in range(3)]
     companion = Companion(
-        f"udpin:127.0.0.1:{ports[0]}", f"livox:127.0.0.1:{ports[1]}", params.load(), auto=False,
-        radar_url=f"radar:127.0.0.1:{ports[2]}", foxglove_port=0,
-    )  # fmt: skip
-    monkeypatch.setattr(companion.worker, "warm_up", warm_up)
+        f"udpin:127.0.0.1:{ports[0]}",
+        Sources(f"livox:127.0.0.1:{ports[1]}", f"radar:127.0.0.1:{ports[2]}"),
+        params.load(),
+        auto=False,
+        displays=Displays(foxglove_port=0),
+    )
+    monkeypatch.setattr(companion.mapping.worker, "warm_up", warm_up)
     companion.on_ready.subscribe(companion.stop)
     await companion.run()
-    assert companion.live is not None
+    assert companion.telling.live is not None
     assert companion.summary["phase"] == "idle"
     assert companion.summary["radar"]["packets"] == 0
     with pytest.raises(ConnectionRefusedError):  # nobody listens any more
-        await asyncio.open_connection("127.0.0.1", companion.live.port)
+        await asyncio.open_connection("127.0.0.1", companion.telling.live.port)
 
 
 @pytest.mark.parametrize(
@@ -386,4 +391,8 @@ async def test_a_vehicle_that_must_not_be_commanded_gets_nothing_whatever_is_dec
         seat.commands = VehicleCommands()
         await seat.tick(mode)
         await seat.companion.leave()
-        assert (seat.velocities(), seat.asked, seat.companion.streams.target_enu_m) == ([], [], None)
+        assert (seat.velocities(), seat.asked, seat.companion.deciding.execution.target_enu_m) == (
+            [],
+            [],
+            None,
+        )

@@ -18,6 +18,7 @@ from companion.flight.landing.situation import Phase, Reply
 from companion.flight.link.autopilots.ardupilot import ARDUPILOT
 from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.sensing import Sources
 from companion.runtime.clock import now_ns
 from companion.runtime.state_directory import StateDir
 from slz import PointState
@@ -34,18 +35,18 @@ class Seat:
 
     def __init__(self, state: StateDir | None, patch: pytest.MonkeyPatch) -> None:
         self.companion = Companion(
-            "udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False, state=state
+            "udpin:127.0.0.1:14550", Sources("livox:127.0.0.1:56301"), params.load(), auto=False, state=state
         )
-        self.desk = FlightOrderHandler(self.companion)
+        self.desk = FlightOrderHandler(self.companion.telling.view)
         self.report = Flight([zone(1, 5.0, 5.0), zone(2, 30.0, 0.0)]).situation().report
         assert self.report is not None
         now = now_ns()
         self.companion.link.connected = True
         self.vehicle = replace(FLYING, last_heartbeat_ns=now)
         patch.setattr(Link, "vehicle", property(lambda _link: self.vehicle))
-        self.companion.history.add_attitude(now, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-        self.companion.history.add_position(now, 47.0, 8.0, 400.0, (0.0, 0.0, 0.0))
-        self.companion.situations.on_scan(now)
+        self.companion.sensing.history.add_attitude(now, (1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        self.companion.sensing.history.add_position(now, 47.0, 8.0, 400.0, (0.0, 0.0, 0.0))
+        self.companion.mapping.feed.last_scan_ns = now
         self.show(None)
 
     def show(self, east_m: float | None, state: PointState = PointState.SAFE) -> None:
@@ -54,7 +55,7 @@ class Seat:
         selected = None
         if east_m is not None:
             selected = replace(unknown(np.array([east_m, 5.0, 0.0])), state=state, judged_by="near")
-        self.companion.situations.use_report(replace(self.report, selected=selected))
+        self.companion.mapping.latest.use_report(replace(self.report, selected=selected))
 
     async def order(self, **fields: Any) -> Reply:
         message = parse(json.dumps({"id": 1, **fields}))
@@ -67,7 +68,7 @@ async def seat(folder: Path | None = None) -> AsyncIterator[Seat]:
     with pytest.MonkeyPatch.context() as patch:
         made = Seat(None if folder is None else StateDir(folder), patch)
         yield made
-        made.companion.worker.close()
+        made.companion.mapping.worker.close()
 
 
 async def test_a_zone_is_selected_judged_and_confirmed() -> None:
@@ -75,7 +76,7 @@ async def test_a_zone_is_selected_judged_and_confirmed() -> None:
         assert (await s.order(do="select_zone", zone=1)).accepted
         assert s.companion.executive.phase is Phase.IDLE
         assert not (await s.order(do="confirm", east_m=5.0, north_m=5.0)).accepted  # not judged yet
-        s.companion.decisions.run_once()
+        s.companion.deciding.loop.run_once()
         s.show(5.0)
         assert (await s.order(do="confirm", east_m=5.0, north_m=5.0)).accepted
         assert s.companion.executive.phase is Phase.SURVEY
@@ -85,7 +86,7 @@ async def test_only_the_point_that_the_sender_saw_is_confirmed() -> None:
     """Two operators: one confirms while the other selects."""
     async with seat() as s:
         await s.order(do="select_zone", zone=1)
-        s.companion.decisions.run_once()
+        s.companion.deciding.loop.run_once()
         s.show(5.0)
         assert not (await s.order(do="confirm", east_m=5.2, north_m=5.0)).accepted
         await s.order(do="select_zone", zone=2)
@@ -105,7 +106,7 @@ async def test_nothing_is_flown_before_the_hand_over() -> None:
 async def test_a_point_of_the_map_is_watched_where_it_was_tapped() -> None:
     async with seat() as s:
         assert (await s.order(do="select_point", east_m=-7.25, north_m=3.5)).accepted
-        asked = s.companion.executive.step(s.companion.situations.situation()).select_enu_m
+        asked = s.companion.executive.step(s.companion.deciding.situations.situation()).select_enu_m
         assert asked is not None
         assert np.allclose(asked[:2], (-7.25, 3.5), atol=0.01)
         far = await s.order(do="select_point", east_m=90_000, north_m=0)
@@ -154,6 +155,6 @@ async def test_a_replay_is_not_controlled_in_flight() -> None:
 
 async def test_a_point_cannot_be_watched_before_there_is_a_position() -> None:
     async with seat() as s:
-        s.companion.history.frame = None
+        s.companion.sensing.history.frame = None
         reply = await s.order(do="select_point", east_m=1, north_m=2)
         assert (reply.accepted, reply.reason) == (False, "no position yet")

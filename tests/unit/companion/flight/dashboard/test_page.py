@@ -14,13 +14,15 @@ from companion.flight.app import Companion
 from companion.flight.dashboard.page import Page, PageEndpoint
 from companion.flight.dashboard.security.address import listen
 from companion.flight.dashboard.site import Site
+from companion.flight.sensing import Sources
+from companion.flight.telling import Displays
 from companion.runtime.lockstep_loop import LockstepLoop
 
 
 def companion() -> Companion:
     """Return a companion with a page, of which nothing runs yet."""
-    urls = "udpin:127.0.0.1:14550", "livox:127.0.0.1:56301"
-    return Companion(*urls, params.load(), auto=False, front=PageEndpoint("127.0.0.1:0"))
+    urls = "udpin:127.0.0.1:14550", Sources("livox:127.0.0.1:56301")
+    return Companion(*urls, params.load(), auto=False, displays=Displays(PageEndpoint("127.0.0.1:0")))
 
 
 @asynccontextmanager
@@ -28,14 +30,14 @@ async def shown(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Page]:
     """Return the running page of a companion that does nothing else."""
     monkeypatch.setattr("companion.flight.dashboard.page.FIRST_PAUSE_S", 0.01)
     made = companion()
-    assert made.page is not None
-    running = asyncio.create_task(made.page.run())
-    yield made.page
+    assert made.telling.page is not None
+    running = asyncio.create_task(made.telling.page.run())
+    yield made.telling.page
     assert not running.done()
     running.cancel()
     await asyncio.gather(running, return_exceptions=True)
-    await asyncio.to_thread(made.page.close)
-    made.worker.close()
+    await asyncio.to_thread(made.telling.page.close)
+    made.mapping.worker.close()
 
 
 async def until_started(page: Page, times: int) -> None:
@@ -108,7 +110,7 @@ def test_pauses_grow_while_the_page_ends_at_once_and_begin_anew_after_it_ran_wel
     loop = LockstepLoop(advance)
     runs = iter(lasts_s)
     made = companion()
-    assert made.page is not None
+    assert made.telling.page is not None
     monkeypatch.setattr("companion.flight.dashboard.page.time", SimpleNamespace(monotonic=loop.time))
     monkeypatch.setattr("companion.flight.dashboard.page.serve", lambda *_: Brief(loop, next(runs)))
     monkeypatch.setattr("companion.flight.dashboard.state_document.state", lambda _: {})
@@ -122,18 +124,18 @@ def test_pauses_grow_while_the_page_ends_at_once_and_begin_anew_after_it_ran_wel
         await asyncio.gather(running, return_exceptions=True)
 
     try:
-        loop.run_until_complete(script(made.page))
+        loop.run_until_complete(script(made.telling.page))
     finally:
         loop.close()
-        made.page.endpoint.close()
-        made.worker.close()
+        made.telling.page.endpoint.close()
+        made.mapping.worker.close()
     pauses = [r.getMessage() for r in caplog.records if "started again" in r.getMessage()]
     assert [text.rpartition("in ")[2] for text in pauses[:5]] == ["1 s", "2 s", "4 s", "1 s", "2 s"]
 
 
 def test_a_page_that_was_never_served_frees_its_port() -> None:
     made = companion()
-    assert made.page is not None
-    made.page.close()
-    listen(made.page.endpoint.address).close()
-    made.worker.close()
+    assert made.telling.page is not None
+    made.telling.page.close()
+    listen(made.telling.page.endpoint.address).close()
+    made.mapping.worker.close()

@@ -14,6 +14,7 @@ from companion.flight.dashboard.freshness import FIELDS, with_ages
 from companion.flight.geometry.geofence import Boundary, Geofence
 from companion.flight.geometry.wind import Wind
 from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.sensing import Sources
 from companion.flight.sensors.diagnosis import explanation
 from companion.flight.sensors.diagnosis.lidar_diagnosis import Episode, LidarDiagnosis
 from slz import MovingObject, Nearby, Wire
@@ -29,31 +30,33 @@ OWN = {
     *("past", "doing", "abort_does"),
 }
 
+SOURCES = Sources("livox:127.0.0.1:56301")
+
 
 @on_simulated_clock
 async def test_the_wind_is_shown_by_where_it_comes_from_and_unknown_is_none(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    companion = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
+    companion = Companion("udpin:127.0.0.1:14550", SOURCES, params.load(), auto=False)
     try:
-        monkeypatch.setattr(companion, "situation", (flight := Flight([])).situation)
-        assert state_document.state(companion)["wind"] is None
+        monkeypatch.setattr(companion.deciding.situations, "situation", (flight := Flight([])).situation)
+        assert state_document.state(companion.telling.view)["wind"] is None
         flight.wind = Wind(math.radians(359.8), 6.04, 9.26, "tilt")
-        shown = state_document.state(companion)["wind"]
+        shown = state_document.state(companion.telling.view)["wind"]
     finally:
-        companion.worker.close()
+        companion.mapping.worker.close()
     assert shown == {"from_deg": 0, "speed_ms": 6.0, "gust_ms": 9.3, "source": "tilt"}
 
 
 @on_simulated_clock
 async def test_every_value_of_the_state_is_of_a_source_or_the_companion_s_own() -> None:
     """A new field needs a decision; both kinds of document have the same."""
-    companion = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
+    companion = Companion("udpin:127.0.0.1:14550", SOURCES, params.load(), auto=False)
     try:
-        flown = state_document.state(companion)
-        replayed = state_document.replayed(companion.history, VehicleState(), 0)
+        flown = state_document.state(companion.telling.view)
+        replayed = state_document.replayed(companion.sensing.history, VehicleState(), 0)
     finally:
-        companion.worker.close()
+        companion.mapping.worker.close()
     told = {field for fields in FIELDS.values() for field in fields}
     assert set(flown) == set(replayed) == told | OWN
     assert (
@@ -68,16 +71,16 @@ async def test_every_value_of_the_state_is_of_a_source_or_the_companion_s_own() 
 async def test_verdicts_end_where_the_position_is_lost_and_heights_over_ground_go_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    companion = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
-    mapped = replace(companion.situation(), lidar_ok=True, judged_ns=0, now_ns=0)
+    companion = Companion("udpin:127.0.0.1:14550", SOURCES, params.load(), auto=False)
+    mapped = replace(companion.deciding.situations.situation(), lidar_ok=True, judged_ns=0, now_ns=0)
     shown = {}
     try:
         for lost in ("", "position"):
             then = replace(mapped, estimate_lost=lost)
-            monkeypatch.setattr(companion, "situation", partial(lambda s: s, then))
-            shown[lost] = state_document.state(companion)
+            monkeypatch.setattr(companion.deciding.situations, "situation", partial(lambda s: s, then))
+            shown[lost] = state_document.state(companion.telling.view)
     finally:
-        companion.worker.close()
+        companion.mapping.worker.close()
     assert not shown[""]["past"].keys() & {"map", "verdict"}
     assert shown["position"]["past"].keys() & {"map", "verdict"} == {"verdict"}
     assert shown["position"]["blind"] == "position lost"
@@ -96,18 +99,18 @@ def test_a_silent_source_leaves_no_value_but_its_age(cut: str) -> None:
 
 @on_simulated_clock
 async def test_the_fence_is_shown_with_the_zones_beyond_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    companion = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
+    companion = Companion("udpin:127.0.0.1:14550", SOURCES, params.load(), auto=False)
     flight = Flight([zone(1, 10, 0), zone(2, 33, 0)])
     square = Boundary(np.array([(-20.0, -20.0), (20, -20), (20, 20), (-20, 20)]), 0.0, True)
     try:
-        assert state_document.state(companion)["fence"] is None
+        assert state_document.state(companion.telling.view)["fence"] is None
         flight.fence = Geofence(
             Boundary(np.zeros((1, 2)), 25.0, True), (square,), margin_m=4.0, highest_m=46.04
         )
-        monkeypatch.setattr(companion, "situation", flight.situation)
-        shown = state_document.state(companion)["fence"]
+        monkeypatch.setattr(companion.deciding.situations, "situation", flight.situation)
+        shown = state_document.state(companion.telling.view)["fence"]
     finally:
-        companion.worker.close()
+        companion.mapping.worker.close()
     assert shown == {
         "boundaries": [
             {"corners_m": [[0.0, 0.0]], "radius_m": 25.0, "inclusion": True},
@@ -119,15 +122,17 @@ async def test_the_fence_is_shown_with_the_zones_beyond_it(monkeypatch: pytest.M
 
 @on_simulated_clock
 async def test_what_is_wrong_with_the_lidar_is_shown_with_its_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
-    companion = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
+    companion = Companion("udpin:127.0.0.1:14550", SOURCES, params.load(), auto=False)
     why = explanation.missing_sector(10.0, 80.0)
     try:
-        assert state_document.state(companion)["lidar_faults"] == []
+        assert state_document.state(companion.telling.view)["lidar_faults"] == []
         monkeypatch.setattr(LidarDiagnosis, "active", [Episode("missing_sector", why, 0)])
-        shown = state_document.state(companion)["lidar_faults"]
-        replayed = state_document.replayed(companion.history, VehicleState(), 0, companion.lidar.diagnosis)
+        shown = state_document.state(companion.telling.view)["lidar_faults"]
+        replayed = state_document.replayed(
+            companion.sensing.history, VehicleState(), 0, companion.sensing.lidar.diagnosis
+        )
     finally:
-        companion.worker.close()
+        companion.mapping.worker.close()
     assert shown == replayed["lidar_faults"] == [{"cause": "missing_sector", "line": why.line}]
     assert why.remedy in shown[0]["line"]
     assert state_document.lidar_faults(None) == []
@@ -135,16 +140,16 @@ async def test_what_is_wrong_with_the_lidar_is_shown_with_its_remedy(monkeypatch
 
 @on_simulated_clock
 async def test_what_moves_is_shown_where_it_is_now(monkeypatch: pytest.MonkeyPatch) -> None:
-    companion = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
+    companion = Companion("udpin:127.0.0.1:14550", SOURCES, params.load(), auto=False)
     try:
-        monkeypatch.setattr(companion, "situation", (flight := Flight([])).situation)
-        assert state_document.state(companion)["moving"] == []
+        monkeypatch.setattr(companion.deciding.situations, "situation", (flight := Flight([])).situation)
+        assert state_document.state(companion.telling.view)["moving"] == []
         half_a_second_ago = flight.now_ns - 500_000_000
         walker = MovingObject(7, half_a_second_ago, np.array([4.0, 1.0]), np.array([-2.0, 0.0]), 0.31, 1.74)
         flight.moving = lambda _flight: (walker,)
-        (shown,) = state_document.state(companion)["moving"]
+        (shown,) = state_document.state(companion.telling.view)["moving"]
     finally:
-        companion.worker.close()
+        companion.mapping.worker.close()
     assert shown == {
         "number": 7, "enu_m": [3.0, 1.0], "velocity_ms": [-2.0, 0.0], "radius_m": 0.3, "height_m": 1.7,
     }  # fmt: skip
@@ -154,7 +159,7 @@ async def test_what_moves_is_shown_where_it_is_now(monkeypatch: pytest.MonkeyPat
 async def test_wires_are_shown_where_they_were_seen_and_where_they_go_on(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    companion = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
+    companion = Companion("udpin:127.0.0.1:14550", SOURCES, params.load(), auto=False)
     curve = SaggingCurve(
         np.array([0.0, 5.0]), np.array([1.0, 0.0]), np.array([9.0, 0.0, 0.0]), np.eye(3), 0.1, 1.0
     )
@@ -164,12 +169,12 @@ async def test_wires_are_shown_where_they_were_seen_and_where_they_go_on(
     around = Nearby(-30.0, -30.0, 0.5, level, level)
     one = Wire(3, curve, -8.0, 8.0, -12.0, 8.0, (False, True), 20, 0, 0)
     try:
-        monkeypatch.setattr(companion, "situation", Flight([]).situation)
-        assert state_document.state(companion)["wires"] == []
-        monkeypatch.setattr(Companion, "report", replace(found, wires=(one,), nearby=around))
-        (shown,) = state_document.state(companion)["wires"]
+        monkeypatch.setattr(companion.deciding.situations, "situation", Flight([]).situation)
+        assert state_document.state(companion.telling.view)["wires"] == []
+        companion.mapping.latest.use_report(replace(found, wires=(one,), nearby=around))
+        (shown,) = state_document.state(companion.telling.view)["wires"]
     finally:
-        companion.worker.close()
+        companion.mapping.worker.close()
     assert shown["enu_m"][0] == [-12.0, 5.0, 9.0]
     assert shown["enu_m"][-1] == [8.0, 5.0, 9.0]
     assert shown["seen"] == [False, True, True, True, True, True]

@@ -16,6 +16,7 @@ from companion.flight.app import Companion
 from companion.flight.foxglove.live_view import SHOWN, LiveView
 from companion.flight.geometry.pose import Pose
 from companion.flight.recorder import topics as display
+from companion.flight.sensing import Sources
 from companion.runtime.errors import UsageError
 from tests.unit.companion.flight.landing.flight import FRAME, Flight, zone
 
@@ -23,8 +24,8 @@ SECOND = 1_000_000_000
 
 
 async def test_an_engineer_s_viewer_gets_the_zones_in_the_recording_s_schema() -> None:
-    made = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
-    live = LiveView(made, 0)
+    made = Companion("udpin:127.0.0.1:14550", Sources("livox:127.0.0.1:56301"), params.load(), auto=False)
+    live = LiveView(made.telling.view, 0)
     report = Flight([zone(1, 5.0, 5.0)]).situation().report
     assert report is not None
     topics: dict[str, dict[str, Any]] = {}
@@ -47,16 +48,16 @@ async def test_an_engineer_s_viewer_gets_the_zones_in_the_recording_s_schema() -
                     continue
         assert b"FeatureCollection" in data
     await asyncio.to_thread(live.close)
-    made.worker.close()
+    made.mapping.worker.close()
 
 
 async def test_a_port_in_use_is_said_in_one_line() -> None:
-    made = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
-    live = LiveView(made, 0)
+    made = Companion("udpin:127.0.0.1:14550", Sources("livox:127.0.0.1:56301"), params.load(), auto=False)
+    live = LiveView(made.telling.view, 0)
     with pytest.raises(UsageError, match="--foxglove"):
-        LiveView(made, live.port)
+        LiveView(made.telling.view, live.port)
     await asyncio.to_thread(live.close)
-    made.worker.close()
+    made.mapping.worker.close()
 
 
 async def test_the_vehicle_s_place_is_shown_ten_times_a_second_at_most(
@@ -64,8 +65,8 @@ async def test_the_vehicle_s_place_is_shown_ten_times_a_second_at_most(
 ) -> None:
     clock = [10 * SECOND]
     monkeypatch.setattr("companion.flight.foxglove.live_view.now_ns", lambda: clock[0])
-    made = Companion("udpin:127.0.0.1:14550", "livox:127.0.0.1:56301", params.load(), auto=False)
-    live = LiveView(made, 0)
+    made = Companion("udpin:127.0.0.1:14550", Sources("livox:127.0.0.1:56301"), params.load(), auto=False)
+    live = LiveView(made.telling.view, 0)
 
     def fly(east_m: float, after_s: float) -> bytes:
         """Show a place so long after the last; return what a message about it holds."""
@@ -97,4 +98,4 @@ async def test_the_vehicle_s_place_is_shown_ten_times_a_second_at_most(
                 heard = data
         assert second in heard
     await asyncio.to_thread(live.close)
-    made.worker.close()
+    made.mapping.worker.close()

@@ -29,7 +29,9 @@ def scan(second: float, begin_ns: int = BEGIN_NS) -> Scan:
 
 
 def worker_to(reports: list[Report]) -> PipelineWorker:
-    return PipelineWorker(SMALL, reports.append, oldest_ns=3600_000_000_000)  # however slow the test is
+    made = PipelineWorker(SMALL, oldest_ns=3600_000_000_000)  # however slow the test is
+    made.on_report.subscribe(reports.append)
+    return made
 
 
 async def drive(worker: PipelineWorker, until: Callable[[], bool]) -> None:
@@ -98,7 +100,8 @@ async def test_a_parameter_changed_in_flight_holds_from_the_next_window_on() -> 
         changed.append(event.changed)
         worker.use(stricter)
 
-    worker = PipelineWorker(SMALL, next_window, oldest_ns=3600_000_000_000)
+    worker = PipelineWorker(SMALL, oldest_ns=3600_000_000_000)
+    worker.on_report.subscribe(next_window)
     worker.on_window.subscribe(change)
     for second in (0.0, 1.0):
         worker.add_scan(scan(second))
@@ -222,7 +225,8 @@ async def test_zone_numbers_go_on_after_a_jump_so_that_an_old_one_names_no_other
             for second in (5, 6):
                 worker.add_scan(scan(second))
 
-    worker = PipelineWorker(SMALL, jump_once, oldest_ns=3600_000_000_000)
+    worker = PipelineWorker(SMALL, oldest_ns=3600_000_000_000)
+    worker.on_report.subscribe(jump_once)
     for second in (0, 1):
         worker.add_scan(scan(second))
     await drive(worker, lambda: len(reports) == 2)
@@ -306,7 +310,8 @@ async def test_a_point_selected_before_the_map_was_forgotten_is_forgotten_with_i
 async def test_a_window_left_half_gathered_by_an_outage_is_dropped_and_counted_not_called_invalid() -> None:
     reports: list[Report] = []
     told: list[str] = []
-    worker = PipelineWorker(SMALL, reports.append)
+    worker = PipelineWorker(SMALL)
+    worker.on_report.subscribe(reports.append)
     worker.on_invalid.subscribe(told.append)
     begin_ns = now_ns() - 30_000_000_000
     worker.add_scan(scan(0.0, begin_ns))

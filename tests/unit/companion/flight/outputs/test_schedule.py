@@ -5,7 +5,8 @@ from __future__ import annotations
 import asyncio
 import itertools
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
@@ -23,9 +24,12 @@ from companion.flight.link.autopilots.autopilot_interface import OTHER, Autopilo
 from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.link import Link
 from companion.flight.link.vehicle_state import VehicleState
+from companion.flight.mapping import latest_report
 from companion.flight.mapping import vehicle_surroundings as surroundings
+from companion.flight.mapping.latest_report import LatestReport
 from companion.flight.mapping.recent_obstacles import RecentObstacles
 from companion.flight.mapping.vehicle_surroundings import Surroundings
+from companion.flight.mapping.window_pace import WindowPace
 from companion.flight.outputs import schedule
 from companion.flight.outputs.landing_status import Status
 from companion.flight.outputs.schedule import MessageSchedule
@@ -69,20 +73,29 @@ class FakeLink:
         return [message for message in self.sent if message.get_type() == kind]
 
 
+@dataclass
+class Commands:
+    """Holder of the landing point."""
+
+    target_enu_m: NDArray[np.float64] | None = None
+
+
 class Flight:
     """A vehicle 10 m above flat ground, facing east, with a tower 6 m north of it."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch, autopilot: Autopilot = ARDUPILOT) -> None:
         self.now_ns = 50 * S
         self.quat_wxyz = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
-        for module in (schedule, surroundings):
+        for module in (schedule, surroundings, latest_report):
             monkeypatch.setattr(module, "now_ns", lambda: self.now_ns)
         self.link = FakeLink(autopilot)
         self.history = PoseHistory(Parameters(), FRAME)
         self.memory = RecentObstacles(thin=1)
-        self.around = Surroundings(self.memory, Parameters())
+        self.latest = LatestReport(Parameters(), WindowPace(Parameters()))
+        self.around = Surroundings(self.memory, self.latest, Parameters())
+        self.commands = Commands()
         self.streams = MessageSchedule(
-            cast(Link, self.link), self.history, self.around, Parameters(), lambda: STATUS
+            cast(Link, self.link), self.history, self.around, Parameters(), lambda: STATUS, self.commands
         )
         self.moves(0)
 
@@ -109,8 +122,10 @@ class Flight:
         report = object.__new__(Report)
         object.__setattr__(report, "nearby", Nearby(-20.25, -20.25, 0.5, ground, top))
         object.__setattr__(report, "selected", None)
+        object.__setattr__(report, "near", SimpleNamespace(zones=()))
+        object.__setattr__(report, "far_is_active", False)
         object.__setattr__(report, "wires", wires)
-        self.around.use_report(report)
+        self.latest.use_report(report)
 
 
 @pytest.fixture
@@ -120,7 +135,9 @@ def flight(monkeypatch: pytest.MonkeyPatch) -> Flight:
 
 def test_ranges_that_came_from_the_autopilot_are_not_told_back_to_it(flight: Flight) -> None:
     link, around = cast(Link, flight.link), flight.around
-    flight.streams = MessageSchedule(link, flight.history, around, Parameters(), lambda: STATUS, ranges=False)
+    flight.streams = MessageSchedule(
+        link, flight.history, around, Parameters(), lambda: STATUS, flight.commands, ranges=False
+    )
     flight.maps()
     flight.sees_ground()
     flight.streams.send_obstacles()
@@ -282,7 +299,7 @@ def test_no_target_ever_steps_into_a_trap(
     with pytest.MonkeyPatch.context() as monkeypatch:
         flight = Flight(monkeypatch, autopilot)
         flight.moves(later_ns)
-        flight.streams.target_enu_m = np.array(point)
+        flight.commands.target_enu_m = np.array(point)
         flight.streams.send_target()
     (message,) = flight.link.sent
     frames = {PX4: mavlink.MAV_FRAME_LOCAL_NED}
@@ -294,14 +311,14 @@ def test_no_target_ever_steps_into_a_trap(
 
 
 def test_a_target_on_the_vehicle_itself_keeps_a_distance(flight: Flight) -> None:
-    flight.streams.target_enu_m = np.array([0.0, 0.0, 10.0])
+    flight.commands.target_enu_m = np.array([0.0, 0.0, 10.0])
     flight.streams.send_target()
     assert flight.link.sent[0].distance > 0
 
 
 def test_without_a_target_or_a_fresh_pose_nothing_leads_the_vehicle(flight: Flight) -> None:
     flight.streams.send_target()
-    flight.streams.target_enu_m = np.zeros(3)
+    flight.commands.target_enu_m = np.zeros(3)
     flight.now_ns += S
     flight.streams.send_target()
     assert flight.link.sent == []
@@ -310,7 +327,8 @@ def test_without_a_target_or_a_fresh_pose_nothing_leads_the_vehicle(flight: Flig
 def test_a_jump_of_the_estimate_forgets_map_and_returns(flight: Flight) -> None:
     flight.maps()
     flight.sees_ground()
-    flight.around.forget()
+    flight.latest.begin_map()
+    flight.memory.forget()
     flight.streams.send_obstacles()
     flight.streams.send_height()
     assert flight.link.sent == []
@@ -324,9 +342,10 @@ def test_rates_are_kept_on_a_clock_that_only_the_loop_moves() -> None:
     link.vehicle = replace(link.vehicle, boot_ms=None)
 
     async def fly() -> dict[str, Any]:
-        history, around = PoseHistory(parameters, FRAME), Surroundings(RecentObstacles(), parameters)
-        sender = MessageSchedule(cast(Link, link), history, around, parameters, lambda: STATUS)
-        sender.target_enu_m = np.zeros(3)
+        history, latest = PoseHistory(parameters, FRAME), LatestReport(parameters, WindowPace(parameters))
+        around = Surroundings(RecentObstacles(), latest, parameters)
+        target = Commands(np.zeros(3))
+        sender = MessageSchedule(cast(Link, link), history, around, parameters, lambda: STATUS, target)
         task = asyncio.create_task(sender.run())
         for _ in range(250):
             now = schedule.now_ns()
@@ -354,8 +373,11 @@ def test_a_rate_that_is_set_in_flight_holds_from_the_next_message_on(flight: Fli
     sent = []
 
     async def fly() -> None:
-        history, around = PoseHistory(settings.live, FRAME), Surroundings(RecentObstacles(), settings.live)
-        sender = MessageSchedule(cast(Link, flight.link), history, around, settings.live, lambda: STATUS)
+        history = PoseHistory(settings.live, FRAME)
+        around = Surroundings(RecentObstacles(), flight.latest, settings.live)
+        sender = MessageSchedule(
+            cast(Link, flight.link), history, around, settings.live, lambda: STATUS, flight.commands
+        )
         sender.send_obstacles = lambda: sent.append(loop.time())  # type: ignore[method-assign]
         task = asyncio.create_task(sender.run())
         await asyncio.sleep(2.0)
@@ -378,14 +400,15 @@ def test_a_rate_that_is_set_in_flight_holds_from_the_next_message_on(flight: Fli
 def test_the_lidar_odometry_is_sent_if_the_autopilot_shall_use_it(
     flight: Flight, odometry: str, sends: bool
 ) -> None:
-    newest: list[OdometryEstimate] = []
+    newest = SimpleNamespace(estimate=None)
     flight.streams = MessageSchedule(
         cast(Link, flight.link),
         flight.history,
         flight.around,
         Parameters(odometry=odometry),
         lambda: STATUS,
-        odometry=lambda: newest[-1] if newest else None,
+        flight.commands,
+        newest,
     )
     flight.link.vehicle = replace(flight.link.vehicle, armed=True)
     flight.streams.send_odometry()
@@ -394,10 +417,8 @@ def test_the_lidar_odometry_is_sent_if_the_autopilot_shall_use_it(
         flight.moves(100 * MS)
         at_ns, here = flight.now_ns - 200 * MS, np.array([1.0, 2.0, 10.0])
         quat = np.array(flight.quat_wxyz)
-        newest.append(
-            OdometryEstimate(
-                at_ns, here, np.zeros(3), quat, 1e-4 * np.eye(6), 1e-4 * np.eye(3), np.ones(6, np.bool_), 0
-            )
+        newest.estimate = OdometryEstimate(
+            at_ns, here, np.zeros(3), quat, 1e-4 * np.eye(6), 1e-4 * np.eye(3), np.ones(6, np.bool_), 0
         )
         flight.streams.send_odometry()
         flight.streams.send_odometry()

@@ -71,7 +71,11 @@ async def test_what_moves_is_recorded_where_it_is_at_the_time(tmp_path: Path) ->
 def recordings() -> Recordings:
     heard = SimpleNamespace(subscribe=lambda _take: lambda: None)
     link = SimpleNamespace(
-        on_frame=heard, on_sent=heard, on_time_asked=heard, identity=None, believes_position=True
+        on_frame=heard,
+        on_sent=heard,
+        on_time_asked=heard,
+        identity=None,
+        inbox=SimpleNamespace(gate=SimpleNamespace(is_open=True)),
     )
     stream = SimpleNamespace(kind="livox", metadata="", batches=heard)
     worker = SimpleNamespace(on_window=heard)

@@ -28,6 +28,7 @@ from companion.flight.ros2.ros_node import (
     ZONES,
     RosNode,
 )
+from companion.flight.sensing import Sources
 from slz import Pipeline, PointState, Report, TerrainMaps, Windower
 from slz.grid import Box, Grid
 from tests.unit.companion.flight.landing.flight import FRAME, Flight, zone
@@ -43,10 +44,9 @@ BY_NAME = {topic.name: topic for topic in TOPICS}
 def made(endpoint: str) -> Companion:
     return Companion(
         "udpin:127.0.0.1:14550",
-        "livox:127.0.0.1:56301",
+        Sources("livox:127.0.0.1:56301", ros2=ZenohUrl(endpoint, 7)),
         params.load(),
         auto=False,
-        ros2=ZenohUrl(endpoint, 7),
     )
 
 
@@ -55,7 +55,7 @@ async def node_and_listener() -> AsyncIterator[tuple[Companion, RosNode, Client]
     """Run a node, and a client that hears all its topics."""
     with router() as endpoint:
         companion = made(endpoint)
-        node, session = companion.ros_node, companion.ros
+        node, session = companion.telling.ros_node, companion.sensing.ros
         assert node is not None
         assert session is not None
         task = asyncio.create_task(node.run())
@@ -70,7 +70,7 @@ async def node_and_listener() -> AsyncIterator[tuple[Companion, RosNode, Client]
             await asyncio.gather(task, return_exceptions=True)
             node.close()
             client.close()
-            companion.worker.close()
+            companion.mapping.worker.close()
 
 
 def report_with(state: PointState = PointState.SAFE) -> Report:
@@ -98,9 +98,9 @@ async def test_all_topics_are_read_by_independent_decoders() -> None:
         node.pose(flown(10 * SECOND), FRAME)
         node.clear()
         samples = await client.by_topic(len(TOPICS))
-        assert companion.ros is not None
+        assert companion.sensing.ros is not None
         tokens = client.tokens("@ros2_lv/7/*/*/*/MP/**")
-        gids = {one.topic.name: one.gid for one in companion.ros.publishers}
+        gids = {one.topic.name: one.gid for one in companion.sensing.ros.publishers}
         messages = {name: decoded(sample) for name, sample in samples.items()}
     assert set(samples) == set(BY_NAME)
     for name, sample in samples.items():
@@ -170,7 +170,7 @@ async def test_nor_is_one_onto_which_something_came(monkeypatch: pytest.MonkeyPa
         flight = Flight([])
         flight.selected = np.array([5.0, 6.0, 0.0])
         flight.state = lambda _height, _point: PointState.UNSAFE
-        monkeypatch.setattr(companion, "situation", flight.situation)
+        monkeypatch.setattr(companion.deciding.situations, "situation", flight.situation)
         node.use_report(report_with())
         node.pose(flown(10 * SECOND), FRAME)
         names = set()
@@ -181,7 +181,7 @@ async def test_nor_is_one_onto_which_something_came(monkeypatch: pytest.MonkeyPa
 
 async def test_without_a_router_messages_are_lost_and_counted_and_nobody_waits() -> None:
     companion = made("tcp/127.0.0.1:1")
-    node, session = companion.ros_node, companion.ros
+    node, session = companion.telling.ros_node, companion.sensing.ros
     assert node is not None
     assert session is not None
     task = asyncio.create_task(node.run())
@@ -194,7 +194,7 @@ async def test_without_a_router_messages_are_lost_and_counted_and_nobody_waits()
     task.cancel()
     await asyncio.gather(task, return_exceptions=True)
     node.close()
-    companion.worker.close()
+    companion.mapping.worker.close()
 
 
 async def test_a_message_that_cannot_be_made_costs_only_itself(
@@ -219,15 +219,15 @@ async def test_the_map_around_the_vehicle_is_published(monkeypatch: pytest.Monke
     wanted = pipeline.maps()
     assert wanted is not None
     async with node_and_listener() as (companion, node, client):
-        show = companion.worker.display_hooks[DISPLAY]
+        show = companion.mapping.worker.display_hooks[DISPLAY]
         show(pipeline)  # no report yet: nothing
-        monkeypatch.setattr(companion.history, "latest", lambda at_ns: flown(at_ns))
+        monkeypatch.setattr(companion.sensing.history, "latest", lambda at_ns: flown(at_ns))
         node.use_report(report_with())
         show(pipeline)
         show(pipeline)  # too soon
         message = decoded(await client.next_of(MAP.name))
-        assert companion.ros is not None
-        (of_map,) = (one for one in companion.ros.publishers if one.topic == MAP)
+        assert companion.sensing.ros is not None
+        (of_map,) = (one for one in companion.sensing.ros.publishers if one.topic == MAP)
         assert of_map.number == 1
     info = message.info
     assert (info.resolution, info.length_x, info.length_y) == pytest.approx((wanted.grid.cell_m, 80.0, 80.0))
@@ -260,9 +260,9 @@ async def test_a_map_that_is_withdrawn_while_it_is_copied_is_not_published(
         loop, cleared = asyncio.get_running_loop(), threading.Event()
         clear = node.clear
         monkeypatch.setattr(node, "clear", lambda: (clear(), cleared.set()))
-        monkeypatch.setattr(companion.history, "latest", lambda at_ns: flown(at_ns))
+        monkeypatch.setattr(companion.sensing.history, "latest", lambda at_ns: flown(at_ns))
         node.use_report(report_with())
-        await asyncio.to_thread(companion.worker.display_hooks[DISPLAY], Withdrawn())
+        await asyncio.to_thread(companion.mapping.worker.display_hooks[DISPLAY], Withdrawn())
         node.pose(flown(10 * SECOND), FRAME)
         shown = []
         while f"{TF.name}/" not in str((sample := await client.next()).key_expr):  # the last that was put

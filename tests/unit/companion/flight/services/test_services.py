@@ -18,6 +18,8 @@ from companion.flight.link.link import Link
 from companion.flight.link.mission_protocol import RallyPoint
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.link.wire.signing import MARGIN_TICKS, Signing, wall_ticks
+from companion.flight.mapping.latest_report import LatestReport
+from companion.flight.mapping.window_pace import WindowPace
 from companion.flight.services.services import RALLY_FILE, SIGNING_FILE, Services, start_signing
 from companion.flight.services.settings import Settings
 from companion.runtime.clock import now_ns
@@ -59,7 +61,10 @@ def test_a_damaged_timestamp_is_told_and_signing_begins_with_the_date(
 
 
 def services(
-    state: StateDir | None = None, signing: Signing | None = None, **values: Any
+    state: StateDir | None = None,
+    signing: Signing | None = None,
+    latest: LatestReport | None = None,
+    **values: Any,
 ) -> tuple[Services, Settings, Any]:
     link = SimpleNamespace(
         connected=True,
@@ -71,13 +76,15 @@ def services(
         on_command=lambda *_: None,
     )
     settings = Settings(params.build(values))
-    return Services(cast(Link, link), settings, signing, state), settings, link
+    return Services(cast(Link, link), settings, signing, state, latest), settings, link
 
 
 def report() -> Any:
     best = LandingPoint(np.zeros(3), 2.0, 4.0, 1.0, 0.99, surface=SurfaceHere())
     return SimpleNamespace(
-        frame=LocalFrame(47.0, 8.0, 400.0), near=SimpleNamespace(zones=(SimpleNamespace(best=best),))
+        frame=LocalFrame(47.0, 8.0, 400.0),
+        near=SimpleNamespace(zones=(SimpleNamespace(best=best),)),
+        zones=(),
     )
 
 
@@ -95,15 +102,15 @@ async def wanted(served: Services) -> tuple[RallyPoint, ...] | None:
 
 
 async def test_points_are_wanted_while_armed_and_switched_on_and_none_are_touched_without_a_report() -> None:
-    served, settings, link = services()
-    given = report()
-    served.report = lambda: given
+    latest = LatestReport(params.load(), WindowPace(params.load()))
+    served, settings, link = services(latest=latest)
+    latest.use_report(report())
     assert await wanted(served) == ()
     assert settings.change("rally", "on").accepted
     points = await wanted(served)
     assert points is not None
     assert [p.alt_m for p in points] == [20]
-    served.report = lambda: None
+    latest.begin_map()
     assert await wanted(served) is None
     link.vehicle = VehicleState(sysid=1, position_lla=(47.0, 8.0, 400.0), relative_alt_m=0.0)
     assert await wanted(served) == ()

@@ -13,6 +13,7 @@ from companion.flight.app import Companion
 from companion.flight.fusion.external_odometry.odometry_topic import OdometryTopic
 from companion.flight.rmw.zenoh_url import ZenohUrl
 from companion.flight.ros2.ros_node import DIAGNOSTICS
+from companion.flight.sensing import Sources
 from companion.runtime.errors import UsageError
 from tests.unit.companion.flight.fusion.external_odometry.odometry_messages import Told
 from tests.unit.companion.flight.rmw.test_message_types import PUBLISHED
@@ -28,11 +29,9 @@ TOPIC = OdometryTopic("/lio/odometry")
 def made(ros2: ZenohUrl | None, odometry: str = "map") -> Companion:
     return Companion(
         "udpin:127.0.0.1:14550",
-        "livox:127.0.0.1:56301",
+        Sources("livox:127.0.0.1:56301", ros2=ros2, odometry=TOPIC),
         params.load("quadcopter", [f"odometry={odometry}"]),
         auto=False,
-        ros2=ros2,
-        ros2_odometry=TOPIC,
     )
 
 
@@ -44,10 +43,10 @@ def told(number: int, **more: object) -> Told:
 async def test_messages_of_a_node_are_taken_and_the_others_counted_in_the_diagnostics() -> None:
     with router() as endpoint:
         companion = made(ZenohUrl(endpoint, 7))
-        subscription, node = companion.ros_odometry, companion.ros_node
+        subscription, node = companion.sensing.ros_odometry, companion.telling.ros_node
         assert subscription is not None
         assert node is not None
-        assert companion.odometry is not None
+        assert companion.sensing.odometry is not None
         tasks = [asyncio.create_task(part.run()) for part in (node, subscription)]
         await until(node.session.is_connected)
         client = Client(endpoint)
@@ -62,7 +61,7 @@ async def test_messages_of_a_node_are_taken_and_the_others_counted_in_the_diagno
         client.session.put(KEY, told(9).payload()[:-9], attachment=told(9).attachment())
         client.session.put(f"7/lio/odometry/{TYPE}/RIHS01_{'0' * 64}", b"", attachment=b"")
         await until(lambda: subscription.statistics()["wrong_type"])
-        await until(lambda: companion.odometry.statistics()["malformed"])
+        await until(lambda: companion.sensing.odometry.statistics()["malformed"])
         client.listen(f"7{DIAGNOSTICS.name}/**")
         parts = {one.name: one for one in decoded(await client.next_of(DIAGNOSTICS.name)).status}
         for task in tasks:
@@ -70,7 +69,7 @@ async def test_messages_of_a_node_are_taken_and_the_others_counted_in_the_diagno
         await asyncio.gather(*tasks, return_exceptions=True)
         node.close()
         client.close()
-        companion.worker.close()
+        companion.mapping.worker.close()
     status = parts["slz: odometry"]
     values = {pair.key: pair.value for pair in status.values}
     assert status.level == 1

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import inspect
+import itertools
 import re
+from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -64,10 +67,26 @@ def test_a_fault_is_told_once_and_its_end_is_known() -> None:
     assert 6e9 < episode.began_ns <= episode.ended_ns < 9e9
 
 
+class Placed:
+    """Scans of which each look sees the next number of repeated returns, and the next error of the mount."""
+
+    def __init__(self, repeated: Iterator[int] | None = None, errors: Iterator[Any] | None = None) -> None:
+        self._repeated = itertools.repeat(0) if repeated is None else repeated
+        self._errors = itertools.repeat(None) if errors is None else errors
+
+    @property
+    def repeated(self) -> int:
+        return next(self._repeated)
+
+    @property
+    def mount_error_deg(self) -> tuple[float, float] | None:
+        return next(self._errors)  # type: ignore[no-any-return]
+
+
 def test_a_picture_that_repeats_is_named_alone_and_only_while_it_does() -> None:
     bench = Bench(loop_of("vlp16"))
     repeated = iter([0] * 20 + list(range(300, 3_300, 300)) + [3_000] * 1_000)
-    bench.stream.diagnosis.repeated = lambda: next(repeated)
+    bench.stream.diagnosis.placed = Placed(repeated=repeated)
     bench.feed(bench.arrivals(0, bench.number_at(20.0)))
     assert [told.cause for told in bench.told] == ["repeats"]
     (episode,) = bench.episodes
@@ -79,7 +98,7 @@ def test_a_picture_that_repeats_is_named_alone_and_only_while_it_does() -> None:
 def test_a_mount_that_the_scans_show_to_be_wrong_is_named_alone_once() -> None:
     bench = Bench(loop_of("vlp16"))
     errors = iter([None] * 20 + [(1.2, -9.8)] * 1_000)
-    bench.stream.diagnosis.mount_error_deg = lambda: next(errors)
+    bench.stream.diagnosis.placed = Placed(errors=errors)
     bench.feed(bench.arrivals(0, bench.number_at(20.0)))
     assert [told.cause for told in bench.told] == ["mount"]
     (episode,) = bench.episodes
