@@ -50,8 +50,8 @@ class Sweep:
 
     def look(self, pipeline: Pipeline) -> None:
         """Copy what a window changed, as the page does, and show as much of the sweep instead."""
-        assert self._companion.page is not None
-        board = self._companion.page.board
+        assert self._companion.telling.page is not None
+        board = self._companion.telling.page.board
         if board.viewers == 0 or len(board.map_changes) >= 4:
             return
         for name, most in (NEAR_TILES, ("far", 40)):

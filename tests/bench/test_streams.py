@@ -60,7 +60,7 @@ async def measure(mavlink_port: int, lidar_port: int) -> dict[str, Any]:
         await asyncio.sleep(0.1)
     await asyncio.sleep(SETTLE_S)
     companion.deciding.loop.run_once = lambda: None  # type: ignore[method-assign]  # the executive would take the target away
-    companion.telling.streams.target_enu_m = np.array([1.0, 2.0, -12.0])
+    companion.deciding.execution.target_enu_m = np.array([1.0, 2.0, -12.0])
     residuals, before = [], companion.sensing.lidar.statistics()["returns"]
     start = time.monotonic()
     for _ in range(int(MEASURED_S)):

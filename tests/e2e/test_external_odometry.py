@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -31,6 +32,10 @@ ENU_FROM_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 FRD_FROM_FLU = np.diag([1.0, -1.0, -1.0])
 
 
+async def _wait() -> None:
+    await asyncio.get_running_loop().create_future()
+
+
 class WithOdometry(Mission):
     """A mission whose companion takes an odometry; messages are handed over as by the subscription."""
 
@@ -44,7 +49,7 @@ class WithOdometry(Mission):
         )
         node = companion.telling.ros_node
         assert node is not None
-        node.run = asyncio.get_running_loop().create_future  # type: ignore[method-assign,assignment]  # no network
+        node.run = _wait  # type: ignore[method-assign]  # no network: its threads know no simulated clock
         return companion
 
 
