@@ -7,9 +7,10 @@ from collections.abc import Mapping
 
 from companion.runtime.errors import UsageError
 
+SURVEY = ("laspy", "lazrs", "rasterio", "pyproj", "pyogrio", "dask", "distributed", "jinja2")
 PACKAGES: Mapping[str, Mapping[str, str]] = {
     "survey": {
-        **{name: name for name in ("laspy", "lazrs", "rasterio", "pyproj", "pyogrio", "dask", "distributed")},
+        **{name: name for name in SURVEY},
         "lzf": "python-neo-lzf",
         "PIL": "pillow",
     },

@@ -11,9 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.desk.evidence.artefact_file import read_artefact
-from companion.desk.evidence.case_document import case_document
-from companion.desk.evidence.case_markdown import case_markdown
-from companion.desk.evidence.case_page import case_page
+from companion.desk.evidence.case_report import case_document, case_markdown, case_page
 from companion.desk.evidence.hazard_list import hazards
 from companion.desk.evidence.safety_case import make_case
 from companion.runtime import output_folder

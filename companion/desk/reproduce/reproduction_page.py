@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from companion.desk.page_template import render
 from companion.desk.reproduce.inclined_planes import SlopeError
 from companion.desk.reproduce.source_scenes import PAPER_AREA_ERROR, PAPER_MS, CaseOutcome
-
-STYLE = (
-    "body{font:15px/1.5 sans-serif;max-width:70em;margin:2em auto;padding:0 1em}"
-    "table{border-collapse:collapse}td,th{border:1px solid #bbb;padding:.3em .6em;text-align:right}"
-    "td:first-child,th:first-child{text-align:left}img{vertical-align:top}"
-)
-
-WIDTH = {1: "80%", 2: "49%", 4: "49%"}
-"""Width of a picture, by the number of pictures in its group."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,42 +90,15 @@ def slope_table(errors: Sequence[SlopeError]) -> Table:
 
 def write(folder: Path, sections: Sequence[Section]) -> list[Path]:
     """Write index.md and index.html into a folder: all tables, then all pictures."""
-    tables = [table for section in sections for table in section.tables]
-    pictures = [group for section in sections for group in section.pictures]
+    values = {
+        "tables": [table for section in sections for table in section.tables],
+        "pictures": [
+            (title, [(file.stem, file.relative_to(folder).as_posix()) for file in files])
+            for section in sections
+            for title, files in section.pictures
+        ],
+    }
     files = [folder / "index.md", folder / "index.html"]
-    files[0].write_text(_markdown(folder, tables, pictures), "utf-8")
-    files[1].write_text(_html(folder, tables, pictures), "utf-8")
+    for file, kind in zip(files, ("md", "html"), strict=True):
+        file.write_text(render(f"reproduce/reproduction.{kind}.j2", **values), "utf-8")
     return files
-
-
-def _markdown(folder: Path, tables: Sequence[Table], pictures: Sequence[Pictures]) -> str:
-    lines = ["# The sources' results, reproduced", ""]
-    for table in tables:
-        lines += [f"## {table.title}", "", table.text, ""]
-        lines += ["| " + " | ".join(table.columns) + " |", "|" + "---|" * len(table.columns)]
-        lines += ["| " + " | ".join(row) + " |" for row in table.rows] + [""]
-    for title, files in pictures:
-        lines += [f"## {title}", ""]
-        lines += [f"![{file.stem}]({file.relative_to(folder).as_posix()})" for file in files] + [""]
-    return "\n".join(lines)
-
-
-def _html(folder: Path, tables: Sequence[Table], pictures: Sequence[Pictures]) -> str:
-    parts = [
-        "<!doctype html><html lang=en><meta charset=utf-8><title>The sources' results, reproduced</title>",
-        f"<style>{STYLE}</style><h1>The sources' results, reproduced</h1>",
-    ]
-    for table in tables:
-        parts.append(f"<h2>{html.escape(table.title)}</h2><p>{html.escape(table.text)}</p><table><tr>")
-        parts += [f"<th>{html.escape(column)}</th>" for column in table.columns]
-        for row in table.rows:
-            parts.append("</tr><tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row))
-        parts.append("</tr></table>")
-    for title, files in pictures:
-        parts.append(f"<h2>{html.escape(title)}</h2>")
-        width = WIDTH.get(len(files), "32%")
-        for file in files:
-            source = file.relative_to(folder).as_posix()
-            text = f"{html.escape(title)}, {file.stem}"
-            parts.append(f'<a href="{source}"><img width="{width}" src="{source}" alt="{text}"></a>')
-    return "\n".join(parts) + "</html>\n"

@@ -12,7 +12,7 @@ import pytest
 
 from companion.cli import program
 from companion.desk import evidence
-from companion.desk.evidence.case_text import share
+from companion.desk.evidence.case_report import share
 from companion.desk.evidence.hazard_list import hazards
 from companion.runtime.errors import UsageError
 from companion.runtime.program_version import program_version

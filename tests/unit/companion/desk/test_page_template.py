@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from companion.desk.markdown_text import escaped
+from companion.desk.page_template import markdown_escape
 
 
 @pytest.mark.parametrize(
@@ -25,4 +25,4 @@ from companion.desk.markdown_text import escaped
     ],
 )
 def test_marks_of_markdown_and_html_are_text(text: str, shown: str) -> None:
-    assert escaped(text) == shown
+    assert markdown_escape(text) == shown

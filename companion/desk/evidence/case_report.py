@@ -1,16 +1,22 @@
-"""Words and numbers of a safety case that its page and its Markdown share."""
+"""Safety case as an HTML page, as Markdown and as a JSON document."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import asdict
+from functools import partial
+from typing import Any
 
 from companion.desk.evidence.artefact_file import Artefact
+from companion.desk.evidence.binomial_bound import CONFIDENCE
 from companion.desk.evidence.evidence_runs import SIMULATION, seeds_text
+from companion.desk.evidence.hazard_list import assurance_parts
 from companion.desk.evidence.safety_case import Finding, HazardEvidence, SafetyCase, State
+from companion.desk.page_template import render
 
-TITLE = "Evidence for the safety of landings with slz"
 NOT_COUNTED = "not counted"
+COLUMNS = ("evidence", "kind", "runs", "failed", "≤ at 95 %", "unsafe", "≤ at 95 %", "artefacts")
 FLOWN = ("campaign", "landings", "soak", "counts")
 MEASURES = {
     "begun": ("landings begun, counted by other tools", "ended unsafe"),
@@ -19,41 +25,75 @@ MEASURES = {
     "commands": ("flights", "with a command against the pilot or a failsafe"),
     "by_others": ("flights brought down by the pilot or a failsafe", "on unsafe ground or into something"),
 }
-NOT_NAMED = "Failures in runs that no hazard of the list names"
-READING = (
-    "Every number is counted from the files listed under Artefacts; nothing is entered by hand. Only runs "
-    "of the program version named above count. A run is identified by its kind, variant, seed and version: "
-    "reported by several files it counts once, with the worst outcome.",
-    "Unsafe: a touchdown on unsafe ground, a collision, or a command against the pilot or a failsafe. "
-    "Failed: not as the hazard's reaction requires; unsafe runs are failed runs. With ≥ how many failed is "
-    "not known, because the file does not say it, or memory grew over all inputs: there is no bound.",
-    "Links with runs: of the tests, flights, inputs and measures that the hazard's list asks for, those that "
-    'have a run. Counts by other tools belong to none of them: they are named after "+".',
-    "Bound: one-sided upper limit (Clopper-Pearson, 95 %) of the probability in one run; without a failure "
-    "about 3/n. It holds for the mixture of scenarios from which the seeds were drawn. Each bound holds by "
-    "itself: of many, one in twenty may be too low. Tests, soaks and adaptive searches are no random draws "
-    "and have no bound.",
-    "All flights marked simulation were flown in this project's own simulator, with the program's own "
-    "packets and messages. The simulator's sensors, vehicles and worlds are models.",
-)
-NOT_PROVEN = (
-    "That the vehicle, its autopilot, sensor, mounting or pilot are safe, or that the installation is as "
-    "assumed.",
-    "Anything about conditions that the simulator or the tests do not contain (docs/limits.md).",
-    "The probability of a hazard in operation: bounds hold for simulated mixtures, which are denser in "
-    "hazards than operation in some respects and kinder in others.",
-    "That the list of hazards is complete, or that barriers are independent: most run in one process on one "
-    "computer.",
-    "Compliance with ASTM F3269-21 or any regulation. The form follows the standard; assurance levels were "
-    "not assigned, and no independent party has reviewed it.",
-    "That no file was left out, or that no line was removed before its digest was taken: digests fix the "
-    "files named here, as they were given. Gaps in the seeds of an artefact are visible in its row.",
-)
-ARCHITECTURE = (
-    "Departures from the standard's architecture: monitors, switch and complex function are parts of one "
-    "program in one language on one computer; the monitors of the ground use the same LiDAR as the function "
-    "that they monitor; the recovery functions of the last resort are the autopilot and the pilot."
-)
+
+
+def case_page(case: SafetyCase, made: str) -> str:
+    """Return one HTML page that prints well and loads nothing, failures and missing evidence first."""
+    return render("evidence/case.html.j2", **_values(case, made))
+
+
+def case_markdown(case: SafetyCase, made: str) -> str:
+    """Return the page as Markdown, failures and missing evidence first."""
+    return render("evidence/case.md.j2", **_values(case, made))
+
+
+def case_document(case: SafetyCase, made: str) -> dict[str, Any]:
+    """Return the whole case: summary, hazards with their findings, run-time assurance, artefacts."""
+    return {
+        "format": "slz-evidence",
+        "version": 1,
+        "program": case.program,
+        "made": made,
+        "confidence": CONFIDENCE,
+        "states": {state.value: case.number(state) for state in State},
+        "headline": headline(case),
+        "measures": [_finding(each) for each in case.measures],
+        "hazards": [_hazard(each) for each in case.hazards],
+        "unlinked_failures": [_finding(each) for each in case.unlinked],
+        "unknown_counts": list(case.unknown_counts),
+        "repeated_runs": dict(case.repeated),
+        "left_out_runs": dict(case.left_out),
+        "assurance": [{**asdict(part), "role": part.role.value} for part in assurance_parts()],
+        "artefacts": [
+            {
+                "name": f"A{k + 1}",
+                "file": str(artefact.path),
+                "sha256": artefact.sha256,
+                "kind": artefact.kind,
+                "runs": {version or "unknown": artefact.count(version) for version in artefact.programs()},
+                "counted": version_text(artefact, case.program),
+                "seeds": seeds_of(artefact),
+                "notes": artefact.notes,
+            }
+            for k, artefact in enumerate(case.artefacts)
+        ],
+    }
+
+
+def _hazard(each: HazardEvidence) -> dict[str, Any]:
+    hazard = asdict(each.hazard) | {"severity": each.hazard.severity.value}
+    return {**hazard, "state": each.state.value, "findings": [_finding(f) for f in each.findings]}
+
+
+def _finding(finding: Finding) -> dict[str, Any]:
+    return {**asdict(finding), "artefacts": [f"A{k + 1}" for k in finding.artefacts]}
+
+
+def _values(case: SafetyCase, made: str) -> dict[str, Any]:
+    """Return the values that both templates show, and the functions that write their cells."""
+    return {
+        "case": case,
+        "made": made,
+        "headline": headline(case),
+        "columns": COLUMNS,
+        "cells": row,
+        "links": links,
+        "assurance": assurance_parts(),
+        "version_text": partial(version_text, program=case.program),
+        "seeds_of": seeds_of,
+        "repetitions": repetitions(case),
+        "not_counted": NOT_COUNTED,
+    }
 
 
 def share(value: float | None) -> str:
@@ -89,9 +129,6 @@ def row(finding: Finding) -> tuple[str, ...]:
         share(finding.unsafe_bound) if flown else "-",
         artefact_names(finding.artefacts),
     )
-
-
-COLUMNS = ("evidence", "kind", "runs", "failed", "≤ at 95 %", "unsafe", "≤ at 95 %", "artefacts")
 
 
 def artefact_names(indices: Sequence[int]) -> str:
