@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 from companion.flight.command_execution import CommandExecution
 from companion.flight.commander_watch import CommanderWatch
-from companion.flight.decision_loop import DecisionLoop
+from companion.flight.decision_loop import DecisionLoop, FlownPath
 from companion.flight.doctor.autopilot_fitness import Fitness
-from companion.flight.flown_path import FlownPath
 from companion.flight.landing.executive import Executive
 from companion.flight.landing.landing_memory import LandingMemory
 from companion.flight.landing.mavlink_orders import MavlinkOrders

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from companion.flight.flight_view import FlightView
 from companion.flight.landing.situation import Phase
 from companion.flight.link.vehicle_class import type_name
-from companion.flight.outputs.wire_summary import wire_summary
-from companion.flight.outputs.zone_summary import choice_summary, point_summary, zone_summary
+from companion.flight.outputs.geojson_features import wire_summary
+from companion.flight.outputs.report_summary import choice_summary, point_summary, zone_summary
 from companion.flight.sensing import Sensing
 from slz import LocalFrame, Report
 

@@ -6,11 +6,9 @@ from dataclasses import dataclass
 
 from companion.flight.fusion.assembler import ScanAssembler
 from companion.flight.fusion.external_odometry.external_odometry import ExternalOdometry
-from companion.flight.fusion.external_odometry.odometry_input import OdometryInput
+from companion.flight.fusion.external_odometry.odometry_input import OdometryInput, RosOdometry
 from companion.flight.fusion.external_odometry.odometry_topic import OdometryTopic
-from companion.flight.fusion.external_odometry.ros_odometry import RosOdometry
-from companion.flight.fusion.odometry.opening import open_odometry
-from companion.flight.fusion.odometry.place_source import PlaceSource
+from companion.flight.fusion.odometry.place_source import PlaceSource, open_odometry
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.fusion.second_sensor import open_beside
 from companion.flight.fusion.wind_estimate import WindEstimate

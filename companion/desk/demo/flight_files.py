@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from companion.desk.demo.flown_timeline import Timeline
-from companion.flight.outputs.zone_feature import zone_features
-from companion.flight.outputs.zone_outline import DEGREE_DECIMALS
+from companion.flight.outputs.geojson_features import DEGREE_DECIMALS, zone_features
 from companion.runtime import extras
 from params import Parameters
 from slz import Report, TerrainMaps

@@ -15,7 +15,7 @@ from companion.desk.demo.flight_files import FlownMap, Place
 from companion.desk.figures.layer_figures import certainty_colour
 from companion.desk.survey.findings import MapsInMemory
 from companion.desk.survey.overview import ground_png, step_of
-from companion.flight.outputs.zone_outline import zone_polygon
+from companion.flight.outputs.geojson_features import zone_polygon
 from slz import LocalFrame, Zone
 
 TEMPLATE = Path(__file__).with_name("flight_page.html")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from companion.desk.replay.own_replay import ReplayOutcome
 from companion.flight.fusion.assembler import ScanAssembler
-from companion.flight.fusion.odometry.opening import open_odometry
+from companion.flight.fusion.odometry.place_source import open_odometry
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.link.vehicle_state import VehicleState
 from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis

@@ -10,8 +10,7 @@ from companion.desk.replay.recording_reader import Header, Raw
 from companion.flight.fusion.external_odometry.external_odometry import ExternalOdometry
 from companion.flight.fusion.external_odometry.odometry_input import OdometryInput
 from companion.flight.fusion.external_odometry.odometry_topic import parse_odometry_topic
-from companion.flight.fusion.odometry.opening import open_odometry
-from companion.flight.fusion.odometry.place_source import PlaceSource
+from companion.flight.fusion.odometry.place_source import PlaceSource, open_odometry
 from companion.flight.fusion.pose_history import CAPACITY, PoseHistory
 from companion.flight.link.command_server import CommandServer
 from companion.flight.link.inbox import Inbox

@@ -14,7 +14,7 @@ from companion.desk.replay.loss_report import lost_for_time, not_mapped, why_no_
 from companion.desk.replay.own_replay import Replay, ReplayOutcome
 from companion.desk.replay.recording_reader import RecordingReader
 from companion.desk.replay.recording_type import RecordingOptions, open_recording, recording_type_of
-from companion.flight.outputs.zone_summary import choice_summary, zone_summary
+from companion.flight.outputs.report_summary import choice_summary, zone_summary
 from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
 from companion.runtime import output_folder
 from companion.runtime.errors import UsageError

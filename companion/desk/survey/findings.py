@@ -16,7 +16,7 @@ from companion.desk.survey.geographic_polygon import wgs84
 from companion.desk.survey.largest_square import square_centre
 from companion.desk.survey.local_metres import Metric
 from companion.desk.survey.survey_corridors import SurveyCorridors
-from companion.flight.outputs.zone_outline import zone_polygon
+from companion.flight.outputs.geojson_features import zone_polygon
 from params import Parameters
 from slz import SAFE, UNKNOWN, UNSAFE, Box, Grid, TerrainMaps, Zone
 from slz.zones.ranking import rank

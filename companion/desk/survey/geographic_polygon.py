@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 
 from companion.desk.survey.local_metres import Metric
-from companion.flight.outputs.zone_outline import DEGREE_DECIMALS
+from companion.flight.outputs.geojson_features import DEGREE_DECIMALS
 
 
 def wgs84(polygons: MultiPolygon, metric: Metric) -> MultiPolygon:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.flight.outputs.corridor_ranges import corridor_ranges
-from companion.flight.outputs.zone_outline import DEGREE_DECIMALS
+from companion.flight.outputs.geojson_features import DEGREE_DECIMALS
 from companion.runtime.errors import UsageError
 from params import Parameters
 from slz import Box, Corridors, SurfaceKind

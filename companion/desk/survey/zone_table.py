@@ -14,8 +14,8 @@ from shapely.geometry import MultiPolygon, mapping
 from companion.desk.survey.findings import Findings
 from companion.desk.survey.local_metres import Metric
 from companion.desk.survey.survey_corridors import document, words
-from companion.flight.outputs.footing_summary import headings_text
-from companion.flight.outputs.zone_outline import DEGREE_DECIMALS
+from companion.flight.outputs.geojson_features import DEGREE_DECIMALS
+from companion.flight.outputs.report_summary import headings_text
 from slz import Zone
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from importlib import resources
+from importlib.metadata import version
 from typing import Any
 from urllib.parse import parse_qs
 
@@ -10,7 +11,7 @@ from fastapi import FastAPI, Request, Response, WebSocket
 from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse
 from starlette.types import ASGIApp
 
-from companion.flight.dashboard import api, blueos
+from companion.flight.dashboard import api
 from companion.flight.dashboard.alarms import active_alarms
 from companion.flight.dashboard.security.access import COOKIE, Role
 from companion.flight.dashboard.security.request_guard import MOST_BODY_BYTES, ROLE, Guard, address_of
@@ -22,6 +23,29 @@ MOST_VIEWERS = 16
 KEPT_FOR_OPERATORS = 4  # of these
 OPENAPI = "/api/openapi.json"
 KINDS = {"js": "text/javascript", "css": "text/css", "html": "text/html", "svg": "image/svg+xml"}
+
+
+BLUEOS_PATH = "/register_service"
+
+
+def registration() -> dict[str, Any]:
+    """Return what BlueOS's helper expects of a web service.
+
+    It opens in a window of its own: the page refuses to be framed by another one, and its addresses are
+    absolute, so it does not work behind BlueOS's proxy.
+    """
+    return {
+        "name": "Safe landing zones",
+        "description": "Finds and watches landing zones with a LiDAR, and lands there.",
+        "icon": "mdi-helicopter",
+        "company": "slz contributors",
+        "version": version("slz"),
+        "webpage": "",
+        "api": "/api",
+        "new_page": True,
+        "avoid_iframes": True,
+        "works_in_relative_paths": False,
+    }
 
 
 def read_static() -> dict[str, tuple[bytes, str]]:
@@ -66,9 +90,9 @@ def make_app(site: Site) -> ASGIApp:
         answer.set_cookie(COOKIE, given, max_age=86_400, httponly=True, samesite="strict")
         return answer
 
-    @app.get(blueos.PATH, include_in_schema=False)
+    @app.get(BLUEOS_PATH, include_in_schema=False)
     async def register_service() -> dict[str, Any]:
-        return blueos.registration()
+        return registration()
 
     @app.get("/api", include_in_schema=False)
     async def docs() -> Response:

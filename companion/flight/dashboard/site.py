@@ -21,8 +21,7 @@ from companion.flight.dashboard.security.token_check import TokenCheck
 from companion.flight.dashboard.tile_pyramid import LEVELS, TilePyramids
 from companion.flight.dashboard.zone_shapes import ZoneShapes
 from companion.flight.landing.situation import Reply
-from companion.flight.outputs.hazard_features import hazard_features
-from companion.flight.outputs.zone_feature import zone_features
+from companion.flight.outputs.geojson_features import hazard_features, zone_features
 
 log = logging.getLogger(__name__)
 

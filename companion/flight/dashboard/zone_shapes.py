@@ -8,10 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from companion.flight.outputs.corridor_summary import corridor_summary
-from companion.flight.outputs.footing_summary import footing_summary
-from companion.flight.outputs.surface_summary import surface_summary
-from companion.flight.outputs.zone_outline import zone_polygon
+from companion.flight.outputs.geojson_features import zone_polygon
+from companion.flight.outputs.report_summary import corridor_summary, footing_summary, surface_summary
 from params import Parameters
 from slz import SAFE, UNKNOWN, Corridors, Grid, Obstacle, Report, SelectedPoint, Zone
 

@@ -5,31 +5,28 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import math
 from dataclasses import dataclass, field
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.doctor.fence_check import fence_finding
 from companion.flight.doctor.finding import Finding
-from companion.flight.doctor.grounded_check import grounded_findings
 from companion.flight.doctor.imu_check import ImuObservation
 from companion.flight.doctor.lidar_check import lidar_findings
 from companion.flight.doctor.link_check import link_findings
 from companion.flight.doctor.machine_check import machine_findings
-from companion.flight.doctor.neighbour_check import neighbour_findings
-from companion.flight.doctor.parameter_check import parameter_findings
-from companion.flight.doctor.version_check import Version, version_finding
+from companion.flight.doctor.parameter_check import Version, parameter_findings, version_finding
 from companion.flight.geometry.sensor_mount import Mount
 from companion.flight.link.link import Link
 from companion.flight.link.message_rates import expected
 from companion.flight.link.parameter_reader import ParameterReader
-from companion.flight.link.vehicle_identity import LISTEN_NS, VehicleIdentity
+from companion.flight.link.vehicle_identity import LISTEN_NS, NAME_IT, VehicleIdentity, several
 from companion.flight.link.wire.signing import Signing
 from companion.flight.sensors.lidar_url import Lidar, open_lidar
-from companion.flight.services.fence_reader import FenceReader
+from companion.flight.services.fence_reader import AutopilotFence, FenceReader
 from companion.runtime.clock import now_ns
-from params import Parameters, airworthy
+from params import Parameters, airworthy, grounded
 
 log = logging.getLogger(__name__)
 
@@ -39,6 +36,66 @@ SETTLE_S = 2.0
 IDENTIFY_S = LISTEN_NS * 1e-9 + 1.5  # the first heartbeat arrives within a second
 PARAMETERS_S, FENCE_S = 20.0, 15.0
 VERSION_TRIES, VERSION_S = 3, 0.3
+
+
+REMEDY = (
+    "look at the fence in the ground station and write it again, or disable it: as long as slz does not know "
+    "it, --land auto does not begin, and an order may lead against it"
+)
+
+
+ONE = "one aircraft, or --system"
+
+
+def neighbour_findings(identity: VehicleIdentity) -> list[Finding]:
+    """Judge the autopilots heard; empty without any, or if the vehicle is alone or was named."""
+    heard = identity.candidates | identity.passed_over
+    if identity.ambiguous:
+        found = several(identity.candidates.values()).partition(":")[0]
+        return [Finding("autopilot", "fail", found, ONE, NAME_IT)]
+    if identity.system is None and heard:
+        found = " and ".join(map(str, heard.values()))
+        return [Finding("autopilot", "fail", f"only {found}", ONE, f"connect to the vehicle, or {NAME_IT}")]
+    others = [str(c) for system, c in sorted(identity.candidates.items()) if system != identity.system]
+    if not others or identity.named is not None:
+        return []
+    found = f"{' and '.join(others)} beside system {identity.system}"
+    remedy = (
+        f"run with --system {identity.system}: at a start that hears both at once, neither is the vehicle"
+    )
+    return [Finding("other vehicles", "fail", found, ONE, remedy)]
+
+
+def grounded_findings(parameters: Parameters) -> list[Finding]:
+    """Return a fault for each value that `slz run` refuses."""
+    return [
+        Finding(
+            one.row.mavlink,
+            "fail",
+            f"{one.value} {one.reason}",
+            one.allowed,
+            f"set {one.row.name} to {one.allowed}: slz run refuses {one.value}",
+        )
+        for one in grounded(parameters)
+    ]
+
+
+def fence_finding(fence: AutopilotFence | None) -> Finding:
+    """Judge the fence as read; None if it could not be read, or its items make none."""
+    if fence is None:
+        return Finding("fence", "fail", "could not be read", "no fence, or one that is read", REMEDY)
+    parts = []
+    if math.isfinite(fence.radius_m):
+        parts.append(f"circle of {fence.radius_m:g} m")
+    if math.isfinite(fence.highest_m):
+        parts.append(f"flown up to {fence.highest_m:g} m")
+    if math.isfinite(fence.lowest_m):
+        parts.append(f"down to {fence.lowest_m:g} m")
+    if fence.areas:
+        parts.append(f"{len(fence.areas)} area" + "s" * (len(fence.areas) > 1))
+    if not parts:
+        return Finding("fence", "ok", "none")
+    return Finding("fence", "ok", f"{', '.join(parts)}; {fence.margin_m:g} m kept from it")
 
 
 @dataclass(slots=True)

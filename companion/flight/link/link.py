@@ -16,8 +16,7 @@ from companion.flight.link.command_server import CommandServer, Handler
 from companion.flight.link.commander import Commander
 from companion.flight.link.inbox import Inbox
 from companion.flight.link.link_statistics import LinkStatistics, RateMeter, quantile_ms
-from companion.flight.link.message_rates import StreamKeeper, wanted
-from companion.flight.link.old_messages import OldMessageWatch
+from companion.flight.link.message_rates import OldMessageWatch, StreamKeeper, wanted
 from companion.flight.link.position_fix import PATIENCE_NS, PositionGate
 from companion.flight.link.statustext import statustext
 from companion.flight.link.transport.mavlink_url import parse_url

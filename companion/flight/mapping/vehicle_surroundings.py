@@ -9,10 +9,9 @@ from companion.flight.geometry.pose import Pose
 from companion.flight.mapping.clearance import height_m
 from companion.flight.mapping.latest_report import LatestReport
 from companion.flight.mapping.recent_obstacles import RecentObstacles
-from companion.flight.mapping.wire_points import wire_points_enu_m
 from companion.runtime.clock import now_ns
 from params import Parameters
-from slz import Nearby
+from slz import Nearby, Report
 
 CELL_POINTS = 3  # returns that a cell of the map, or a place of a wire, counts as
 FARTHEST_M = 50.0  # of an obstacle from the vehicle
@@ -61,3 +60,19 @@ class Surroundings:
             columns[:, 2] = np.minimum(columns[:, 2], pose.position_enu_m[2])
             solid = np.concatenate([columns, solid])
         return np.concatenate([fresh, np.repeat(level_frd_m(solid, pose), CELL_POINTS, axis=0)])
+
+
+STEP_M = 0.5
+
+
+def wire_points_enu_m(report: Report | None, position_enu_m: Floats, reach_m: float) -> Floats:
+    """Return points (n, 3) along the wires of a report that are within a distance of a position.
+
+    Extrapolated parts are included: a wire goes on beyond what was seen.
+    """
+    parts = [np.empty((0, 3))]
+    for wire in () if report is None else report.wires:
+        points, _, _ = wire.sampled(STEP_M)
+        away_m = np.linalg.norm(points - position_enu_m, axis=1)
+        parts.append(points[away_m <= reach_m])
+    return np.concatenate(parts)

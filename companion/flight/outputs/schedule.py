@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
 from companion.flight.fusion.pose_history import PoseHistory
@@ -15,14 +17,13 @@ from companion.flight.geometry.pose import Pose
 from companion.flight.link.link import Link
 from companion.flight.mapping.clearance import BAND_M, band_m, obstacle_points_enu_m
 from companion.flight.mapping.vehicle_surroundings import FARTHEST_M, Surroundings
-from companion.flight.outputs.cadence import Cadence
-from companion.flight.outputs.distance_sensor import downward_distance
 from companion.flight.outputs.external_position.odometry_stream import OdometryStream
 from companion.flight.outputs.landing_status import Status, status_messages
 from companion.flight.outputs.landing_target import landing_target
 from companion.flight.outputs.obstacle_distance import obstacle_distance
 from companion.flight.outputs.obstacle_points import obstacle_points
 from companion.runtime.clock import now_ns
+from companion.runtime.ring_buffer import RingBuffer
 from params import Parameters
 from slz import Nearby
 
@@ -32,6 +33,84 @@ STATUS_HZ = 1.0
 ODOMETRY_LOOK_HZ = 100.0
 ODOMETRY_HZ = 10.0
 POINTS_EVERY = 3
+
+
+MOST = 20_000  # samples kept, a quarter of an hour at 20 Hz
+
+
+LONGEST_M = 120.0
+LEAST_DOWN = 0.707
+
+
+def downward_distance(height_m: float, boot_ms: int, down: float = 1.0) -> Any | None:
+    """Return the message for a height above ground (m), None if it is unknown or out of range.
+
+    Parameters
+    ----------
+    down
+        Cosine of the vehicle's tilt. A rangefinder measures along the vehicle's own axis, and both autopilots
+        multiply by this cosine; ArduPilot by no less than `LEAST_DOWN`, below which PX4 rejects the message.
+    """
+    height_m = height_m / max(LEAST_DOWN, down)
+    if not math.isfinite(height_m) or not 0.0 <= height_m <= LONGEST_M:
+        return None
+    return mavlink.MAVLink_distance_sensor_message(
+        boot_ms % 2**32,
+        5,
+        round(LONGEST_M * 100),
+        round(height_m * 100),
+        mavlink.MAV_DISTANCE_SENSOR_LASER,
+        0,
+        mavlink.MAV_SENSOR_ROTATION_PITCH_270,
+        255,
+    )
+
+
+class Cadence:
+    """Intervals between the messages of a stream.
+
+    Parameters
+    ----------
+    hz
+        Nominal rate; None for messages sent on demand.
+    """
+
+    def __init__(self, hz: float | None) -> None:
+        self._period_ms = None if hz is None else 1e3 / hz
+        self._last_ns: int | None = None
+        self._intervals_ms = RingBuffer(MOST)
+        self._ages_ms = RingBuffer(MOST)
+        self.count = 0
+
+    def record(self, now_ns: int, pose_age_ns: int | None = None) -> None:
+        """Record the time of a message and the age of the newest pose sample behind it."""
+        if self._last_ns is not None:
+            self._intervals_ms.append((now_ns - self._last_ns) * 1e-6)
+        if pose_age_ns is not None:
+            self._ages_ms.append(pose_age_ns * 1e-6)
+        self._last_ns = now_ns
+        self.count += 1
+
+    def pause(self) -> None:
+        """Record a pause: the time until the next message does not count as an interval."""
+        self._last_ns = None
+
+    def summary(self) -> dict[str, Any]:
+        """Return count, rate, and quantiles of jitter and pose age, as far as known."""
+        out: dict[str, Any] = {"count": self.count}
+        intervals = self._intervals_ms.array()
+        if intervals.any():  # all are 0 if everything was sent at one instant
+            out["hz"] = round(1e3 / float(intervals.mean()), 2)
+            if self._period_ms is not None:
+                out["jitter_ms"] = _quantiles(np.abs(intervals - self._period_ms))
+        if self._ages_ms:
+            out["pose_age_ms"] = _quantiles(self._ages_ms.array())
+        return out
+
+
+def _quantiles(values: Any) -> dict[str, float]:
+    p50, p99, most = np.percentile(values, [50, 99, 100])
+    return {"p50": round(float(p50), 2), "p99": round(float(p99), 2), "max": round(float(most), 2)}
 
 
 class HasTarget(Protocol):

@@ -45,8 +45,7 @@ from numpy.typing import NDArray
 
 from companion.flight.geometry.pose import Pose as VehiclePose
 from companion.flight.geometry.wind import Wind
-from companion.flight.outputs.wire_summary import wire_feature
-from companion.flight.outputs.zone_feature import zone_feature
+from companion.flight.outputs.geojson_features import wire_feature, zone_feature
 from companion.flight.recorder import foxglove_moving, journal
 from companion.flight.recorder.foxglove_ways import ways, wind_arrow
 from companion.flight.recorder.topics import (

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from companion.flight.flight_view import FlightView
 from companion.flight.geometry.pose import Pose
 from companion.flight.rmw.message_types import GRID_MAP, message_types
-from companion.flight.rmw.qos import LATCHED, Qos
 from companion.flight.rmw.ros_session import RosPublisher, RosSession
-from companion.flight.rmw.ros_topic import Topic
+from companion.flight.rmw.ros_topic import LATCHED, Qos, Topic
 from companion.flight.ros2 import diagnostic_message, frame_messages, grid_map_message, zone_markers
 from companion.runtime.clock import WallOffset, now_ns
 from slz import LocalFrame, MovingObject, Pipeline, PointState, Report, TerrainMaps

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from companion.flight.rmw.attachment import unpack
-from companion.flight.rmw.qos import SENSOR_DATA
 from companion.flight.rmw.ros_session import RosSession
-from companion.flight.rmw.ros_topic import Topic
+from companion.flight.rmw.ros_topic import SENSOR_DATA, Topic
 from companion.flight.rmw.topic_inbox import TopicInbox
 from companion.flight.sensors.decoders.ros_cloud_decoder import CLOUD
 from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis

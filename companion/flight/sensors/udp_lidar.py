@@ -7,12 +7,14 @@ import contextlib
 import errno
 import logging
 import socket
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 from companion.flight.link.transport.multicast import join_group
 from companion.flight.sensors.decoders.livox_session import LivoxSession
 from companion.flight.sensors.diagnosis.lidar_diagnosis import LidarDiagnosis
-from companion.flight.sensors.diagnosis.receive_queue import dropped_packets
 from companion.flight.sensors.diagnosis.sensor_surroundings import Surroundings, is_present
 from companion.flight.sensors.packet_stream import PacketStream
 from companion.runtime.clock import now_ns
@@ -30,6 +32,22 @@ BIND_ERRORS = {
     errno.EADDRINUSE: "the port is in use; stop the other program (slz run?) that receives from the LiDAR",
     errno.EADDRNOTAVAIL: "this computer has no such address: give its own, not the sensor's, or 0.0.0.0",
 }
+
+
+TABLES = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
+
+
+def dropped_packets(port: int, tables: Iterable[Path] = TABLES) -> int | None:
+    """Return how many packets the kernel has dropped at a port so far; None where it does not tell."""
+    total: int | None = None
+    ending = f":{port:04X}"
+    for table in tables:
+        with suppress(OSError, ValueError, IndexError):
+            for line in table.read_text("ascii").splitlines()[1:]:
+                columns = line.split()
+                if columns[1].endswith(ending):
+                    total = (total or 0) + int(columns[-1])
+    return total
 
 
 class UdpLidar(asyncio.DatagramProtocol):

@@ -10,7 +10,7 @@ from xml.etree import ElementTree as Xml
 
 from shapely.geometry import MultiPolygon, Polygon
 
-from companion.flight.outputs.zone_outline import DEGREE_DECIMALS
+from companion.flight.outputs.geojson_features import DEGREE_DECIMALS
 
 NAMESPACE = "http://www.opengis.net/kml/2.2"  # 2.3 uses it, too
 # RGB of the ranks, the best first; all later ranks have the last colour.

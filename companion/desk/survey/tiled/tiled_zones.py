@@ -17,7 +17,7 @@ from companion.desk.survey.survey_corridors import survey_corridors
 from companion.desk.survey.tiled.tile_labels import CandidateZone, Members
 from companion.desk.survey.tiled.tile_store import Store, TileLayout
 from companion.desk.survey.tiled.zone_file import DescribedZone, load, save
-from companion.flight.outputs.zone_outline import zone_polygon
+from companion.flight.outputs.geojson_features import zone_polygon
 from params import Parameters
 from slz import Box
 from slz.grid import common

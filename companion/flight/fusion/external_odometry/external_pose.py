@@ -11,6 +11,24 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 
 
+@dataclass(frozen=True, slots=True)
+class PosePair:
+    """Two poses of the vehicle's forward-right-down axes.
+
+    at_ns : companion clock. auto_m, auto : (3,) and (3, 3), the autopilot's in its map coordinates. told_m,
+    told : those of the odometry in its own frame. covariance : (6, 6) of the latter. is_stated : whether the
+    odometry states it.
+    """
+
+    at_ns: int
+    auto_m: Floats
+    auto: Floats
+    told_m: Floats
+    told: Floats
+    covariance: Floats
+    is_stated: bool
+
+
 class Drop(Enum):
     """Reason for which a message is not used: the name of its counter, and the words for it."""
 

@@ -13,8 +13,7 @@ from companion.flight.fusion.odometry.correction import Correction
 from companion.flight.fusion.odometry.correction_filter import CorrectionFilter
 from companion.flight.fusion.odometry.drift_track import DriftTrack
 from companion.flight.fusion.odometry.gyro_track import GyroTrack
-from companion.flight.fusion.odometry.map_uncertainty import SHARED_M, MapUncertainty
-from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
+from companion.flight.fusion.odometry.odometry_estimate import SHARED_M, MapUncertainty, OdometryEstimate
 from companion.flight.fusion.odometry.registration_kernel import normal_equations
 from companion.flight.fusion.odometry.step_map import StepMap
 from companion.flight.fusion.odometry.surfel_map import HOLD_NS, SIZES_M, SurfelMap

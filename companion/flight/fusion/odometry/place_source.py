@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Protocol
 
+from companion.flight.fusion.odometry.gyro_track import GyroTrack
 from companion.flight.fusion.odometry.odometry_estimate import OdometryEstimate
+from companion.flight.fusion.pose_history import PoseHistory
+from companion.flight.geometry.sensor_mount import Mount
+from params import Parameters
 from slz import Scan
+
+if TYPE_CHECKING:
+    from companion.flight.fusion.odometry.lidar_odometry import LidarOdometry
 
 
 class PlaceSource(Protocol):
@@ -37,3 +45,14 @@ class PlaceSource(Protocol):
 
     def statistics(self) -> dict[str, int]:
         """Return the counts."""
+
+
+def open_odometry(
+    parameters: Parameters, history: PoseHistory, gps_lost: Callable[[], bool] = lambda: False
+) -> LidarOdometry | None:
+    """Return the odometry that corrects a history, None where it is off."""
+    if parameters.odometry == "off":
+        return None
+    from companion.flight.fusion.odometry.lidar_odometry import LidarOdometry
+
+    return LidarOdometry(history, GyroTrack(Mount(parameters)), gps_lost)

@@ -9,7 +9,7 @@ from companion.flight.fusion.external_odometry.external_odometry import SILENT
 from companion.flight.fusion.external_odometry.external_pose import Drop
 from companion.flight.fusion.external_odometry.frame_alignment import NEEDS_WAY
 from companion.flight.landing.situation import Severity
-from companion.flight.outputs.announcers.announcement import Say, announce
+from companion.flight.outputs.announcers.lidar_announcer import Say, announce
 
 LASTS_NS = 1_000_000_000  # before the end of it is told
 AGAIN_NS = 60_000_000_000  # the same text is not told again sooner

@@ -20,11 +20,10 @@ from zlib import crc32
 
 import numpy as np
 
-from companion.flight.sensors.decoders import livox_imu
 from companion.flight.sensors.decoders.livox_points import decode_points
 from companion.flight.sensors.decoders.livox_scan_pattern import ScanPattern
 from companion.flight.sensors.diagnosis.packet_signs import PacketSigns
-from companion.flight.sensors.imu_samples import ImuSamples
+from companion.flight.sensors.imu_samples import STANDARD_GRAVITY_MS2, ImuSamples
 from companion.flight.sensors.returns import RawReturns, thinning
 
 # version, length, time_interval (0.1 us), dot_num, udp_cnt, frame_cnt, data_type, time_type, 12 reserved,
@@ -39,6 +38,32 @@ THINNING = thinning(200_000)
 TOGETHER = 64  # packets joined for one call, to fit the processor's cache
 CLOCKS = ("free", "ptp", "gps")  # by time_type
 WHITE = 150.0  # reflectivity of a target that scatters all light; more is retro-reflective
+
+
+DATA_TYPE = 0
+SAMPLE_BYTES = 24
+LEVER_M = (0.011, 0.02329, -0.04412)
+
+
+def decode_samples(body: bytes, stamp_ns: int, interval_ns: int) -> ImuSamples:
+    """Return the samples of a packet's body.
+
+    Parameters
+    ----------
+    body
+        Whole samples, at least one.
+    stamp_ns, interval_ns
+        Time of the first sample on the sensor's clock, and time from the first to the last.
+    """
+    with np.errstate(invalid="ignore"):  # NaN that signals
+        values = np.frombuffer(body, "<f4").reshape(-1, 6).astype(np.float64)
+    steps = np.linspace(0, interval_ns, len(values)) if len(values) > 1 else np.zeros(1)
+    return ImuSamples(
+        stamp_ns + steps.astype(np.int64),
+        values[:, :3],
+        values[:, 3:] * STANDARD_GRAVITY_MS2,
+        np.array(LEVER_M),
+    )
 
 
 @dataclass(slots=True)
@@ -90,7 +115,7 @@ class LivoxDecoder:
         if header is None:
             return None
         _, length, interval, count, _, _, kind, _, _, stamp = header
-        if kind == livox_imu.DATA_TYPE:
+        if kind == DATA_TYPE:
             self._samples(packet, header)
             return None
         size = POINT_BYTES.get(kind)
@@ -103,7 +128,7 @@ class LivoxDecoder:
 
     def is_imu(self, packet: bytes) -> bool:
         """Return whether a packet claims to hold inertial samples."""
-        return len(packet) >= HEADER.size and packet[TYPE_AT] == livox_imu.DATA_TYPE
+        return len(packet) >= HEADER.size and packet[TYPE_AT] == DATA_TYPE
 
     def decode_imu(self, packet: bytes) -> ImuSamples | None:
         """Return the samples of an inertial packet on the sensor's clock; None, counted, if it is invalid."""
@@ -113,8 +138,8 @@ class LivoxDecoder:
     def _samples(self, packet: bytes, header: tuple[int, ...]) -> ImuSamples | None:
         _, length, interval, count, _, _, _, _, _, stamp = header
         samples = None
-        if count and length == HEADER.size + count * livox_imu.SAMPLE_BYTES and stamp <= MOST_NS:
-            samples = livox_imu.decode_samples(packet[HEADER.size :], stamp, interval * 100)
+        if count and length == HEADER.size + count * SAMPLE_BYTES and stamp <= MOST_NS:
+            samples = decode_samples(packet[HEADER.size :], stamp, interval * 100)
         if samples is None or not samples.is_plausible:
             self.counters.malformed += 1
             return None

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.flight.sensors.diagnosis import explanation as explain
-from companion.flight.sensors.diagnosis.azimuth_runs import longest_run
 from companion.flight.sensors.diagnosis.close_returns import CloseReturns
 from companion.flight.sensors.diagnosis.explanation import Explanation
 from companion.flight.sensors.diagnosis.packet_signs import PacketSigns
@@ -22,6 +21,24 @@ FEW_LINES = 4
 
 Counts = NDArray[np.int64]
 Floats = NDArray[np.float64]
+
+
+def longest_run(marked: NDArray[np.bool_]) -> tuple[int, int] | None:
+    """Return first index and length of the longest run, which may pass the end; None without a mark.
+
+    marked: (n,), the last beside the first.
+    """
+    n = len(marked)
+    if not marked.any():
+        return None
+    if marked.all():
+        return 0, n
+    start = int(np.argmin(marked))  # not marked, so no run passes the seam
+    turned = np.concatenate(([False], np.roll(marked, -start), [False])).astype(np.int8)
+    edges = np.diff(turned)
+    first, end = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
+    k = int(np.argmax(end - first))
+    return (int(first[k]) + start) % n, int(end[k] - first[k])
 
 
 def missing_sector(look: StreamLook, signs: PacketSigns) -> Explanation | None:

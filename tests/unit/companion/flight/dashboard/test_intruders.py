@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.flight.dashboard.security.connection_limit import MOST_OF_ONE_HOST
+from companion.flight.dashboard.security.http_connection import MOST_OF_ONE_HOST
 from companion.flight.dashboard.security.throttle import LONGEST_S
 from tests.unit.companion.flight.dashboard.test_server import (
     OPERATOR,
@@ -180,7 +180,7 @@ async def test_strangers_of_many_addresses_replace_each_other_and_not_the_pilot(
     monkeypatch: pytest.MonkeyPatch, tokens: Path
 ) -> None:
     """With room for 64 connections, for time: of each address fewer than one may have."""
-    monkeypatch.setattr("companion.flight.dashboard.security.connection_limit.MOST_CONNECTIONS", 64)
+    monkeypatch.setattr("companion.flight.dashboard.security.http_connection.MOST_CONNECTIONS", 64)
     strangers = [f"127.0.1.{number}" for number in range(1, 9)]
     async with served(tokens) as s, s.connect(VIEWER, "127.0.0.9") as page:
         idle_reader, idle = await s.open(PILOT)
@@ -199,7 +199,7 @@ async def test_strangers_of_many_addresses_replace_each_other_and_not_the_pilot(
 async def test_where_everybody_is_in_use_the_newcomer_waits_outside(
     monkeypatch: pytest.MonkeyPatch, tokens: Path
 ) -> None:
-    monkeypatch.setattr("companion.flight.dashboard.security.connection_limit.MOST_OF_ONE_HOST", 2)
+    monkeypatch.setattr("companion.flight.dashboard.security.http_connection.MOST_OF_ONE_HOST", 2)
     async with served(tokens) as s, s.connect(VIEWER, STRANGER) as one, s.connect(VIEWER, STRANGER) as two:
         reader, writer = await s.open(STRANGER)
         assert await until_closed(reader) == b""

@@ -11,7 +11,7 @@ import pytest
 import params
 from companion.flight.dashboard import zone_shapes
 from companion.flight.dashboard.zone_shapes import ZoneShapes, certainty_class
-from companion.flight.outputs.zone_outline import zone_polygon
+from companion.flight.outputs.geojson_features import zone_polygon
 from slz import SAFE, UNKNOWN, UNSAFE, Corridors, Report, SurfaceHere, SurfaceKind
 from tests.unit.companion.flight.landing.flight import Flight, zone
 

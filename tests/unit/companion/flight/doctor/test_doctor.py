@@ -15,8 +15,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.cli import program
 from companion.flight.doctor import machine_check
 from companion.flight.doctor.consultation import document, table
+from companion.flight.doctor.examination import grounded_findings
 from companion.flight.doctor.finding import Finding, healthy
-from companion.flight.doctor.grounded_check import grounded_findings
 from companion.flight.doctor.lidar_check import lidar_findings
 from companion.flight.doctor.link_check import link_findings
 from companion.flight.doctor.machine_check import speed_finding, timer_finding, window_ms

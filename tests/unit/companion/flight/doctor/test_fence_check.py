@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from companion.flight.doctor.fence_check import fence_finding
+from companion.flight.doctor.examination import fence_finding
 from companion.flight.services.fence_reader import Area, AutopilotFence
 
 TRIANGLE = Area(((0, 0), (0, 100), (100, 0)), 0.0, True)

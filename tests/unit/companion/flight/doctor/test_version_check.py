@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from companion.flight.doctor.version_check import Version, version_finding
+from companion.flight.doctor.parameter_check import Version, version_finding
 from companion.flight.link.autopilots.ardupilot import ARDUPILOT
 from companion.flight.link.autopilots.autopilot_interface import OTHER, Autopilot
 from companion.flight.link.autopilots.px4 import PX4

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from companion.flight.fusion.wind_average import WindAverage
+from companion.flight.fusion.wind_estimate import WindAverage
 from companion.flight.geometry.wind import Wind
 
 S = 1_000_000_000

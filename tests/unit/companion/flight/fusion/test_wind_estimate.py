@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.fusion.wind_average import WindAverage
-from companion.flight.fusion.wind_estimate import WindEstimate
+from companion.flight.fusion.wind_estimate import WindAverage, WindEstimate
 from companion.flight.geometry.wind import Wind
 from companion.flight.link.autopilots.ardupilot import ARDUPILOT
 from companion.flight.link.vehicle_state import VehicleState

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from companion.flight.link.old_messages import OldMessageWatch
+from companion.flight.link.message_rates import OldMessageWatch
 
 S = 1_000_000_000
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from companion.flight.outputs.cadence import Cadence
+from companion.flight.outputs.schedule import Cadence
 
 MS = 1_000_000
 

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from companion.flight.outputs.corridor_summary import corridor_summary
+from companion.flight.outputs.report_summary import corridor_summary
 from slz import SAFE, UNKNOWN, UNSAFE, Corridors
 
 NONE = np.full((72, 3), np.nan)

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.flight.outputs.surface_summary import surface_summary
-from companion.flight.outputs.zone_feature import zone_feature
-from companion.flight.outputs.zone_summary import point_summary
+from companion.flight.outputs.geojson_features import zone_feature
+from companion.flight.outputs.report_summary import point_summary, surface_summary
 from companion.flight.recorder.foxglove_scene import geojson, scene
 from slz import Report, SurfaceHere, SurfaceKind
 from slz.surface.surface_kinds import UNKNOWN_SURFACE

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.flight.outputs.hazard_features import hazard_features
-from companion.flight.outputs.wire_summary import wire_feature, wire_summary
+from companion.flight.outputs.geojson_features import hazard_features, wire_feature, wire_summary
 from companion.flight.recorder.journal import report_document
 from slz import LocalFrame, Wire
 from slz.wires.sagging_curve import SaggingCurve

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from companion.flight.outputs.zone_feature import zone_feature
+from companion.flight.outputs.geojson_features import zone_feature
 from slz import SAFE, UNSAFE, Corridors, Grid, LocalFrame
 from tests.unit.companion.flight.landing.flight import zone
 

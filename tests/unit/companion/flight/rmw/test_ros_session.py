@@ -14,9 +14,8 @@ import xxhash
 
 from companion.flight.rmw.attachment import unpack
 from companion.flight.rmw.message_types import message_types
-from companion.flight.rmw.qos import LATCHED, SENSOR_DATA, Qos
 from companion.flight.rmw.ros_session import RosSession
-from companion.flight.rmw.ros_topic import Topic
+from companion.flight.rmw.ros_topic import LATCHED, SENSOR_DATA, Qos, Topic
 from companion.flight.rmw.zenoh_url import ZenohUrl
 from tests.ports import free_port
 from tests.unit.companion.flight.rmw.zenoh_network import Client, router, until

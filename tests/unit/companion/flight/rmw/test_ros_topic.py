@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from companion.flight.rmw.qos import LATCHED, SENSOR_DATA, Qos
-from companion.flight.rmw.ros_topic import NodeName, Topic, dds_type, topic_key
+from companion.flight.rmw.ros_topic import LATCHED, SENSOR_DATA, NodeName, Qos, Topic, dds_type, topic_key
 
 STRING = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
 LISTENER = NodeName(2, "aac3178e146ba6f1fc6e6a4085e77f21", "listener")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from companion.flight.fusion.odometry.map_uncertainty import MOST, STEP_NS, MapUncertainty
+from companion.flight.fusion.odometry.odometry_estimate import MOST, STEP_NS, MapUncertainty
 
 STEP_M2 = np.array([1e-4, 2e-4, 3e-4])
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from companion.flight.sensors.diagnosis import explanation
-from companion.flight.sensors.diagnosis.azimuth_runs import longest_run
-from companion.flight.sensors.diagnosis.receive_queue import dropped_packets
+from companion.flight.sensors.diagnosis.picture_faults import longest_run
 from companion.flight.sensors.diagnosis.sensor_surroundings import is_ours, is_present
+from companion.flight.sensors.udp_lidar import dropped_packets
 from tests.unit.companion.flight.sensors.diagnosis.streams import np
 
 HEAD = "sl local_address rem_address st tx_queue:rx_queue tr:tm->when retrnsmt uid timeout inode drops"

@@ -1,4 +1,4 @@
-"""Summaries of a report's zones, landing point and choice, for JSON."""
+"""Summaries of a report for JSON: zones, landing point, ways in and out, surface, and choice of the map."""
 
 from __future__ import annotations
 
@@ -7,10 +7,69 @@ from typing import Any
 
 import numpy as np
 
-from companion.flight.outputs.corridor_summary import corridor_summary
-from companion.flight.outputs.footing_summary import footing_summary
-from companion.flight.outputs.surface_summary import surface_summary
-from slz import LocalFrame, Obstacle, Report, SelectedPoint, Zone
+from slz import (
+    SAFE,
+    UNKNOWN,
+    UNSAFE,
+    Corridors,
+    LandingPoint,
+    LocalFrame,
+    Obstacle,
+    Report,
+    SelectedPoint,
+    SurfaceHere,
+    SurfaceKind,
+    Zone,
+)
+
+WORDS = {int(SAFE): "clear", int(UNSAFE): "blocked", int(UNKNOWN): "unknown"}
+
+
+def corridor_summary(corridors: Corridors | None) -> dict[str, Any]:
+    """Return the state of the best way, that straight down, and the clear bearings; None unjudged."""
+    if corridors is None:
+        return {"corridors": None}
+    return {
+        "corridors": {
+            "state": WORDS[corridors.state],
+            "overhead": WORDS[corridors.overhead],
+            "bearings_deg": list(corridors.bearings_deg),
+        }
+    }
+
+
+def footing_summary(best: LandingPoint) -> dict[str, Any]:
+    """Return headings to land at, what excludes the others, and the areas by D; None where not judged."""
+    return {
+        "headings_deg": None if best.headings_deg is None else list(best.headings_deg),
+        "blocked_by": best.blocked_by or None,
+        "areas": None if best.areas is None else best.areas.text,
+    }
+
+
+def headings_text(best: LandingPoint) -> str:
+    """Return the headings to land at in words: any, none, or degrees; empty where not judged."""
+    if best.headings_deg is None:
+        return ""
+    if best.can_land_at_any_heading:
+        return "any"
+    return " ".join(map(str, best.headings_deg)) or "none"
+
+
+def surface_summary(surface: SurfaceHere) -> dict[str, Any]:
+    """Return a surface in words, its probability, that of water, and a roof's height; None where unknown."""
+    unknown = surface.kind is SurfaceKind.UNKNOWN
+    return {
+        "surface": None if unknown else surface.kind.word,
+        "surface_probability": None if unknown else _number(surface.probability, 3),
+        "water": None if unknown and surface.water == 0 else _number(surface.water, 3),
+        "raised_m": _number(surface.raised_m, 1) if surface.kind is SurfaceKind.ROOF else None,
+    }
+
+
+def _number(value: float, digits: int) -> float | None:
+    return round(float(value), digits) if math.isfinite(value) else None
+
 
 MOST_OBSTACLES = 20
 
