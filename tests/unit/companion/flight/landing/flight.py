@@ -141,9 +141,7 @@ class Flight:
         near, far = MapReport(GRID, tuple(self.zones)), MapReport(GRID, tuple(self.far_zones))
         height_m = float(self.position[2]) if self.sees_ground else math.nan
         choice = Choice(100.0, height_m, 0.0, False, 0, 1.0)
-        report = Report(
-            int(self.time_s) * 10**9, FRAME, near, far, choice, selected, 1000, 1000, 0, 0, False, {}
-        )
+        report = Report(int(self.time_s) * 10**9, FRAME, near, far, choice, selected, 1000, 1000, 0, 0, {})
         report = replace(report, prior=MapReport(GRID, tuple(self.prior_zones)), wires=self.wires)
         return Situation(
             now_ns=self.now_ns,

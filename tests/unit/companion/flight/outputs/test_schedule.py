@@ -123,7 +123,6 @@ class Flight:
         object.__setattr__(report, "nearby", Nearby(-20.25, -20.25, 0.5, ground, top))
         object.__setattr__(report, "selected", None)
         object.__setattr__(report, "near", SimpleNamespace(zones=()))
-        object.__setattr__(report, "far_is_active", False)
         object.__setattr__(report, "wires", wires)
         self.latest.use_report(report)
 
