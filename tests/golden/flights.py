@@ -1,4 +1,4 @@
-"""Small flights, surveys and frames with golden values, and results of single steps on small inputs."""
+"""Small flights, surveys and frames with golden values."""
 
 from __future__ import annotations
 
@@ -25,7 +25,6 @@ from slz.radar.interferogram import interferogram
 from slz.radar.interferometer import Interferometer
 from slz.radar.line_buffer import RadarLines
 from slz.zones.polygonise import polygonise
-from tests.golden import pieces
 from tests.unit.slz.flash.waveforms import frame_of, noisy_camera, some_peaks
 
 F64 = NDArray[np.float64]
@@ -151,9 +150,4 @@ KEPT: dict[str, Callable[[], Iterator[Any]]] = {
     ),
     "flash": flash,
     "radar": radar,
-    **{f"outlines {seed}": lambda seed=seed: pieces.outlines(seed) for seed in (21, 26, 27)},  # type: ignore[misc]
-    "zones": pieces.zones,
-    "clouds": pieces.clouds,
-    "pulses": pieces.pulses,
-    "formulas": pieces.formulas,
 }

@@ -80,7 +80,6 @@ LONG = (
     "tests.fuzz",
     "tests.soak",
     "tests.answers",
-    "tests.mutation",
     "tests.search",
     "tests.opinion",
     "sitl.benchmark_scene",

@@ -121,8 +121,7 @@ def test_the_attitude_wanted_gives_the_acceleration_wanted(
 
 
 def test_a_slope_flown_into_is_a_collision() -> None:
-    body = vehicle(5.0)
-    body._x[3] = 6.0
+    body = fly(vehicle(5.0), 1.0, GRAVITY_MS2 + 0.4, (0.3, 0.0, 0.0))  # leans to the east
     for tick in range(1200):
         hill = max(0.0, 1.5 * (float(body.truth.pos_enu_m[0]) - 2.0))
         body.update(DT_S, tick, (STILL, GRAVITY_MS2 + 0.2), hill)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 import params
-from slz import Pipeline, Report, Window, Zone
+from slz import Pipeline, Window
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
 from slz.kernels.raster.bitmap import ALL
 from slz.kernels.raster.zonal_sums import ZONAL_STATISTICS, carry_over
@@ -22,14 +22,7 @@ from slz.zones.zone_map import ZoneMap
 from tests.unit.slz.hand_made import FRAME, near_map
 
 Points = NDArray[np.float64]
-STEPS = 14
 SETTINGS = params.load("quadcopter", ["zone_m=70", "min_boundary_points=5"])
-
-
-def forgetful(zone_map: Any) -> None:
-    """Have a map look up everything anew in the next window."""
-    if zone_map is not None:
-        zone_map._contents = {}
 
 
 def scan(rng: np.random.Generator, middle: Points, radius: float, blocks: Points) -> Points:
@@ -39,74 +32,6 @@ def scan(rng: np.random.Generator, middle: Points, radius: float, blocks: Points
     for east, north, side, height in blocks:
         z[(np.abs(xy[:, 0] - east) < side) & (np.abs(xy[:, 1] - north) < side)] += height
     return np.column_stack([xy, z])
-
-
-def windows(seed: int) -> list[Window]:
-    """All the ground, then patches of it, in the end from a vehicle that goes away; its height drifts."""
-    rng = np.random.default_rng(seed)
-    sides, heights = rng.uniform(0.2, 1.2, 70), rng.uniform(0.3, 2, 70)
-    walls = np.column_stack([rng.uniform(-28, 28, (70, 2)), sides, heights])
-    found = []
-    for step in range(STEPS):
-        place, radius = rng.uniform(-24, 24, 2), rng.uniform(1, 4)
-        middle = np.array([4.0 * max(0, step - 10), 0.0])
-        points = scan(rng, middle if step == 0 else place, 28 if step == 0 else radius, walls)
-        points[:, 2] += 0.004 * step
-        stamps = np.full(len(points), step * 10**9, np.int64)
-        sensor = np.array([*middle, 20.0])
-        found.append(Window(points, stamps, sensor, FRAME, step * 10**9, step * 10**9))
-    return found
-
-
-def sums(zone: Zone) -> tuple[Any, ...]:
-    best = zone.best
-    return (
-        zone.id, zone.box, zone.area_m2, zone.certainty, zone.n_safe, zone.n_unsafe, zone.n_uncertain,
-        zone.slope_deg, zone.roughness, zone.boundary_cells.tobytes(), zone.corners_enu_m.tobytes(),
-        zone.cells.tobytes(), zone.why, best.enu_m.tobytes(), best.clearance_m, best.square_side_m,
-        best.slope_deg, best.certainty, str(best.horizon_deg), best.distance_m,
-        [(o.east_m, o.north_m, o.top_m, str(o.height_m), o.cells_enu_m.tobytes()) for o in zone.obstacles],
-    )  # fmt: skip
-
-
-def flown(seed: int, *, anew: bool) -> list[Report]:
-    own = ["zone_m=70", "min_boundary_points=5", "min_square_m=1", "memory_mb=16", "max_age_s=12"]
-    pipe = Pipeline(params.load("quadcopter", own), (0.0, 0.0))
-    reports = []
-    for window in windows(seed):
-        if anew:
-            for resolution in pipe.method.maps or ():
-                forgetful(resolution)
-        reports.append(pipe.process(window))
-    return reports
-
-
-@pytest.mark.parametrize("seed", range(6))
-def test_zones_are_the_same_as_when_everything_is_looked_up_anew(seed: int) -> None:
-    for known, anew in zip(flown(seed, anew=False), flown(seed, anew=True), strict=True):
-        for mine, other in ((known.near, anew.near), (known.far, anew.far)):
-            assert list(map(sums, mine.zones)) == list(map(sums, other.zones))
-
-
-def test_what_did_not_change_is_not_looked_up_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Else the test above would say nothing: many zones stay as they were, many are known in part."""
-    whole = part = 0
-    look = Content.of
-
-    def counted(candidate: Any, terrain: Any, before: Content | None, view: Any) -> Content:
-        nonlocal whole, part
-        content = look(candidate, terrain, before, view)
-        if before is not None:
-            whole += content is before
-            part += content is not before and bool(
-                set(content.statistics.versions.ravel()) & set(before.statistics.versions.ravel()) - {-1}
-            )
-        return content
-
-    monkeypatch.setattr(Content, "of", counted)
-    for seed in range(6):
-        flown(seed, anew=False)
-    assert min(whole, part) > 40
 
 
 def test_a_part_of_a_zone_in_tiles_of_its_own_is_not_kept_once_it_is_gone() -> None:

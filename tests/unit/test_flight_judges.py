@@ -1,20 +1,29 @@
-"""The campaign's plans, its file, its judgement of flights, and its report; nothing is flown."""
+"""The judges of campaign and search: a wrong verdict of theirs would hide an unsafe landing."""
 
 from __future__ import annotations
 
 import sys
 from math import gcd
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from companion.desk.evidence.artefact_file import read_artefact
-from companion.flight.landing.situation import Phase
 from companion.runtime.program_version import program_version
+from sitl import scenes
+from sitl.truth.standing_gear import QUADCOPTER
+from sitl.truth.touchdown import fault_of
+from sitl.world.world import World
 from tests.campaign import __main__ as campaign
-from tests.campaign import log, reactions, report
-from tests.campaign.plan import CELLS, FAULTS, STATES, STRIDE, number_of, plan
+from tests.campaign import reactions, report
+from tests.campaign.plan import CELLS, FAULTS, STATES, STRIDE, plan
+from tests.search import counts
+from tests.search.flight import COARSE, SAFE, TAKEN, UNSAFE, Outcome, end_of
+from tests.search.flights import Flier
+from tests.search.margin import HazardClearance, margin_of, parts_of
 
 
 def flight(path: list[list[Any]] | None = None, **more: Any) -> dict[str, Any]:
@@ -59,25 +68,8 @@ def test_every_fault_meets_every_state_once_in_each_turn() -> None:
         assert {(p.fault, p.state) for p in plans} == {(f, s) for f in FAULTS for s in STATES}
 
 
-def test_a_number_is_always_the_same_flight() -> None:
-    assert plan(77) == plan(77)
-    found = plan(number_of("lidar_stuck", Phase.FINAL, turn=3))
-    assert (found.fault, found.state) == ("lidar_stuck", Phase.FINAL)
-
-
 def test_a_reaction_is_stated_for_every_fault() -> None:
     assert set(reactions.TABLE) == set(FAULTS)
-
-
-def test_a_campaign_goes_on_after_a_line_cut_short(tmp_path: Path) -> None:
-    path = tmp_path / "deep" / "flights.jsonl"
-    assert log.read(path) == {}
-    log.append(path, flight(number=3))
-    path.write_text(path.read_text("utf-8") + '{"number": 4, "fau', "utf-8")
-    assert set(log.read(path)) == {3}
-    log.append(path, flight(number=4))
-    log.append(path, flight(number=5))
-    assert set(log.read(path)) == {3, 4, 5}
 
 
 def test_a_flight_is_recorded_with_its_judgement_and_the_program_s_version(
@@ -191,21 +183,6 @@ def test_what_pilot_or_failsafe_do_is_their_own_and_commands_against_them_are_no
     assert bool(found) == bool(wrong)
 
 
-def test_the_report_counts_landings_by_others_apart(tmp_path: Path) -> None:
-    assert report.write([flight(), flight(number=2, **GPS), flight(number=3, **STICK)], tmp_path) == 0
-    text = (tmp_path / "report.md").read_text("utf-8")
-    assert "**0 unsafe touchdowns or collisions**" in text
-    assert "1 landed by the autopilot's failsafe" in text
-    assert "by the autopilot's failsafe 1 (1 on unsafe ground or into something)" in text
-    assert "by the pilot's stick 1 (0 on unsafe ground or into something)" in text
-
-
-@pytest.mark.parametrize(("fault", "shortest_s", "longest_s"), [("pilot_stick", 3, 6), ("gps_loss", 5, 20)])
-def test_a_fault_lasts_as_long_as_its_kind(fault: str, shortest_s: float, longest_s: float) -> None:
-    lasting = [plan(number_of(fault, Phase.FINAL, turn)).lasts_s for turn in range(20)]
-    assert shortest_s <= min(lasting) < max(lasting) <= longest_s
-
-
 def test_the_report_counts_and_draws_what_failed(tmp_path: Path) -> None:
     bad = flight(
         number=2,
@@ -217,3 +194,47 @@ def test_the_report_counts_and_draws_what_failed(tmp_path: Path) -> None:
     assert "2 flights, 2 with the fault begun in its state; **1 unsafe touchdowns or collisions**" in text
     assert "| none |  |  |  | 2/2 **!1** |  |" in text
     assert (tmp_path / "failures" / "2.png").stat().st_size > 10_000
+
+
+def landed(there: World, e: float = 0.0, n: float = 0.0, heading_deg: float = 0.0, **more: Any) -> Any:
+    """Return what is left of a simulation after a touchdown."""
+    touchdown = {"e": e, "n": n, "heading_deg": heading_deg, "sink_ms": 0.8, "drift_ms": 0.0} | more
+    return SimpleNamespace(
+        scene=SimpleNamespace(world=there),
+        log=SimpleNamespace(gear=QUADCOPTER),
+        vehicle=SimpleNamespace(collision=None, truth=SimpleNamespace(pos_enu_m=np.array([e, n, 0.0]))),
+        touchdown=touchdown,
+        now_ns=0,
+    )
+
+
+def margin(simulation: Any) -> float:
+    return margin_of(parts_of(simulation, HazardClearance(None)))
+
+
+def test_its_sign_is_the_verdict_of_the_truth() -> None:
+    rng = np.random.default_rng(5)
+    there = scenes.build("landing_site", 3).world
+    verdicts = []
+    for _ in range(40):
+        e, n, heading = (float(v) for v in rng.uniform((-40, -40, 0), (40, 40, 360)))
+        simulation = landed(there, e, n, heading)
+        unsafe = bool(fault_of(there, simulation.touchdown))
+        assert (margin(simulation) < 0) == unsafe
+        verdicts.append(unsafe)
+    assert 3 < sum(verdicts) < 35
+
+
+def test_an_unsafe_landing_is_counted_with_its_scenario(tmp_path: Path) -> None:
+    unsafe = Outcome("unsafe", -0.2, -0.2, {"hazard": -0.2}, {}, [], None, 20.0, 1.0)
+    found = counts.count(tmp_path / "counts.json", 3, Flier(COARSE, None, lambda *_, **__: unsafe))
+    assert found["ends"]["unsafe"] == 3
+    assert found["least_margin"] == -0.2
+    assert [one["number"] for one in found["unsafe"]] == [0, 1, 2]
+
+
+def test_what_was_unsafe_before_a_failsafe_took_over_is_the_companions() -> None:
+    assert end_of(-0.1, 0.2, has_landed=True, descended=True) == TAKEN
+    assert end_of(-0.1, -0.1, has_landed=True, descended=True) == UNSAFE
+    assert end_of(-0.1, None, has_landed=True, descended=True) == UNSAFE
+    assert end_of(0.2, None, has_landed=True, descended=True) == SAFE

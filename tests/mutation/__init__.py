@@ -1,1 +1,0 @@
-"""Mutation testing of slz: whether tests detect small changes (docs/testing.md)."""
