@@ -1,4 +1,4 @@
-# The two commands: `make demo` flies and lands in the simulator, `make test` runs every check.
+# The two commands: `make demo` flies and lands in the simulator, `make test` checks all that protects a user.
 # `make docs` builds the documentation site into out/site.
 PYTHON ?= python3
 VENV := .venv
@@ -10,10 +10,21 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 # The workers of the tests, and the programs that these start, share what Python has compiled.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test setup checks kernels lint types docs unit bench pages coverage mutation campaign soak fuzz evidence audit constraints fresh clean
+.PHONY: demo quick touched test test-all setup checks kernels lint types docs unit bench pages coverage mutation campaign soak fuzz evidence audit constraints fresh clean
 
 demo: $(PROGRAM)
 	$(BIN)/slz demo --headless --out out/demo
+
+# After an edit: kernels against slow plain code, the rules of the landing, parameters, what is on the wire.
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q
+QUICK := tests/oracle tests/unit/slz/kernels tests/unit/params tests/unit/companion/flight/landing \
+    tests/unit/companion/flight/link/wire tests/unit/companion/flight/sensors/decoders
+quick: setup
+	$(PYTEST) -n 2 -m "not long and not bench" $(QUICK)
+
+# What reaches one file: FILE=slz/zones/ranking.py.
+touched: setup
+	$(PYTEST) -m "not bench and not browser" $(shell $(BIN)/python -m tests.reach $(or $(FILE),$(error FILE=slz/... is missing)))
 
 # Kernels are compiled once beside the checks of the text, instead of by every worker of the tests.
 test: setup
@@ -60,8 +71,13 @@ docs: setup
 
 # By files, the long flights first: what they share is made once, and no long one is left for the end. Three
 # workers on two cores: tests that talk to real processes mostly wait.
+WORKERS := -n 3 --dist loadfile --no-loadscope-reorder
 unit: setup
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m "not bench and not browser"
+	$(PYTEST) $(WORKERS) -m "not long and not bench and not browser"
+
+# What `make test` leaves out: most flights, searches, long recordings and surveys.
+test-all: setup
+	$(PYTEST) $(WORKERS) -m "long and not bench and not browser"
 
 # Inputs in all harnesses together; what fails is kept in out/fuzz (docs/fuzzing.md).
 INPUTS ?= 1000000
@@ -93,14 +109,26 @@ bench: setup
 pages: setup
 	$(BIN)/python -m tests.bench.pages $(if $(RUN),--run $(filter-out all,$(RUN)))
 
-# Branches of slz and companion, those of kernels with the compiler off; report in out/coverage (docs/testing.md).
+# Branches of slz and companion; pages in out/coverage/html (docs/testing.md). The kernels are measured with the compiler
+# off; what takes too long for Python alone ends by its time limit, and whether it passes is the compiled run's matter.
+UNCOMPILED := tests/oracle tests/property tests/unit/slz tests/unit/companion/flight/sensors tests/unit/companion/flight/fusion \
+    tests/unit/companion/desk/survey tests/unit/companion/desk/clouds
 coverage: setup
-	$(BIN)/python -m tests.coverage
+	rm -rf out/coverage
+	-NUMBA_DISABLE_JIT=1 $(BIN)/coverage run -m pytest -q -n 3 --timeout 3 -W ignore::RuntimeWarning -m "not bench" $(UNCOMPILED)
+	$(BIN)/coverage run -m pytest -q -n 3 --dist loadfile --timeout 0 -m "not bench and not browser"
+	$(BIN)/coverage combine --quiet
+	$(BIN)/coverage html --quiet
+	$(BIN)/coverage report
 
-# Small changes of slz, drawn by SEED, before the tests that reach them; needs what `make coverage` left. Resumable.
+# All small changes of one file, each before the tests that reach it: FILE=slz/zones/ranking.py.
 mutation: setup
 	$(INSTALL) --editable '.[mutation]'
-	NUMBA_DISABLE_JIT=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.mutation --seed $(or $(SEED),1) --count $(or $(COUNT),200)
+	mkdir -p out/mutation
+	sed 's#FILE#$(FILE)#; s#TESTS#$(shell $(BIN)/python -m tests.reach $(FILE))#' tests/mutation.toml > out/mutation/session.toml
+	$(BIN)/cosmic-ray init --force out/mutation/session.toml out/mutation/session.sqlite
+	$(BIN)/cosmic-ray exec out/mutation/session.toml out/mutation/session.sqlite
+	$(BIN)/cr-report out/mutation/session.sqlite
 
 # Faults in every state of the landing; goes on where it was stopped. FLIGHTS=285 flies each once.
 campaign: setup
@@ -114,7 +142,7 @@ soak: setup
 # longer runs: ARTEFACTS="--artefact FILE ..." (docs/evidence.md).
 EVIDENCE := out/evidence
 evidence: setup
-	-OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder -m "not bench and not browser" \
+	-$(PYTEST) $(WORKERS) -m "not bench and not browser" \
 	    --junitxml $(EVIDENCE)/junit.xml
 	-$(BIN)/python -m tests.campaign $(if $(FLIGHTS),--flights $(FLIGHTS)) --out $(EVIDENCE)/campaign
 	-$(BIN)/python -m tests.fuzz.campaign --inputs 100000 --out $(EVIDENCE)/fuzz.json

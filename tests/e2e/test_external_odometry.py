@@ -22,6 +22,8 @@ from tests.bench.landings import AIDED
 from tests.e2e.harness import Mission
 from tests.unit.companion.flight.fusion.external_odometry.odometry_messages import Told
 
+pytestmark = pytest.mark.long
+
 BEGUN_NS = 1_700_000_000_000_000_000
 PERIOD_NS, WORK_NS = 100_000_000, 60_000_000
 # The node's first pose was its origin: 140 degrees about up and some off level from the world.

@@ -13,6 +13,8 @@ from tests.campaign.flight import fly
 from tests.campaign.plan import Plan, number_of, plan
 from tests.e2e.harness import Mission
 
+pytestmark = pytest.mark.long
+
 
 @pytest.mark.parametrize(
     ("fault", "state"),

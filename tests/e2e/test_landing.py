@@ -47,6 +47,7 @@ def test_surveys_chooses_and_lands_on_safe_ground_and_again_in_the_replay(
     assert again["zones"] == mission.companion.summary["zones"]
 
 
+@pytest.mark.long
 @pytest.mark.timeout(600)
 def test_with_odometry_it_lands_by_the_map_and_again_in_the_replay(tmp_path: Path) -> None:
     """Between the stands the place is observed: the replay has the same corrections, or other windows."""
@@ -133,6 +134,7 @@ def test_the_pilot_s_mode_ends_every_command_and_lidar_silence_a_descent() -> No
     assert mission.sim.touchdown is None
 
 
+@pytest.mark.long
 def test_a_cut_link_is_healed_and_a_restarted_companion_takes_up_the_job() -> None:
     mission = Mission(seed=8)
 

@@ -20,6 +20,8 @@ from companion.desk.reproduce.source_scenes import pipeline_for
 from companion.desk.reproduce.survey_recording import fly
 from slz import Grid, Obstacle, Pipeline, PointState, SelectedPoint, Window
 
+pytestmark = pytest.mark.long
+
 SCATTER_M = 0.2
 HEIGHT_M = 0.1
 HALF_BEAM_M = 26.0 * np.radians(0.28) / 2

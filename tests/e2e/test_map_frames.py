@@ -12,6 +12,8 @@ from companion.flight.landing.situation import Phase
 from slz import LocalFrame
 from tests.e2e.harness import Mission
 
+pytestmark = pytest.mark.long
+
 A_STEP_RAD = 3e-8  # 0.2 m: what a climbing vehicle drifts
 
 

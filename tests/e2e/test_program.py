@@ -173,6 +173,7 @@ def test_sigterm_in_flight_over_a_serial_line_tells_the_pilot_and_ends_in_order(
     assert "Traceback" not in said
 
 
+@pytest.mark.long
 def test_an_autopilot_that_dies_is_waited_for_and_taken_up_again() -> None:
     watch, lidar, port = free_port(socket.SOCK_STREAM), free_port(), free_port()
     arguments = simulator(f"udpout:127.0.0.1:{port}", watch, lidar)

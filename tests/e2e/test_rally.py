@@ -12,6 +12,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl.autopilot.modes import Mode
 from tests.e2e.harness import Mission
 
+pytestmark = pytest.mark.long
+
 EAST_M, NORTH_M = 45.0, 20.0
 
 

@@ -3,6 +3,7 @@
 import asyncio
 
 import numpy as np
+import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.landing.situation import Phase
@@ -32,6 +33,7 @@ def test_an_emergency_in_loiter_lands_at_once() -> None:
     assert mission.companion.executive.tally.hands_off == 0
 
 
+@pytest.mark.long
 def test_a_low_battery_ends_the_survey_and_below_the_dust_height_nothing_is_mapped() -> None:
     mission = Mission(seed=11, survey_s=300.0, dust_height_m=4.0)
 
@@ -52,6 +54,7 @@ def test_a_low_battery_ends_the_survey_and_below_the_dust_height_nothing_is_mapp
     assert mission.companion.executive.tally.aborts == 0
 
 
+@pytest.mark.long
 def test_a_wall_in_dust_is_passed_over_with_avoidance_on() -> None:
     """Specks neither stop the vehicle nor hide the wall."""
     simulated = {"parameters": {"PRX1_TYPE": 2.0, "AVOID_ENABLE": 3.0}, "point_rate_hz": 50_000}
@@ -83,6 +86,7 @@ def test_a_wall_in_dust_is_passed_over_with_avoidance_on() -> None:
     assert mission.companion.sensing.specks.specks > 1000
 
 
+@pytest.mark.long
 def test_an_autopilot_that_is_not_set_up_is_landed_by_an_order_alone_until_it_is_set_right() -> None:
     """The order is carried out, and warned of; set right in the air, it lands by itself."""
     mission = Mission(seed=13, simulated={"parameters": {"GUID_TIMEOUT": 30.0}})

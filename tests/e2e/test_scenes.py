@@ -18,6 +18,8 @@ from companion.desk.reproduce.scenarios import BY_SCENE, ENTRANCE, MODES, NO_ID_
 from companion.desk.reproduce.source_scenes import PAPER_AREA_ERROR, Case, CaseOutcome, run
 from slz import SAFE, Zone, zone_mask
 
+pytestmark = pytest.mark.long
+
 Mask = NDArray[np.bool_]
 Flown = Callable[[Case], CaseOutcome]
 COURT_M, ENTRANCE_M = (106.0, 73.0), (55.0, 62.0)

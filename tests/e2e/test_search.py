@@ -9,6 +9,8 @@ from tests.search.flight import COARSE, FULL, fly
 from tests.search.scenario import Scenario, read
 from tests.search.weaknesses import WEAKNESSES
 
+pytestmark = pytest.mark.long
+
 WIND = {"wind_ms": 6.5, "wind_from_deg": 200.0}
 COMES = {"hazard": "box", "hazard_height_m": 1.1, "hazard_below_m": 4.0, "hazard_speed_ms": 9.0}
 

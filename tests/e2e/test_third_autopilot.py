@@ -16,6 +16,8 @@ from sitl.autopilot.modes import Mode
 from sitl.wire.wire import Peer, Wire
 from tests.e2e.harness import Mission
 
+pytestmark = pytest.mark.long
+
 MODES = {"VELOCITY": (9, 1), "TOUCHDOWN": (4, 2), "STICKS": (1, 0)}  # ArduCopter's GUIDED is 4, LAND 9
 SIMULATED = {MODES["VELOCITY"]: Mode.GUIDED, MODES["TOUCHDOWN"]: Mode.LAND, MODES["STICKS"]: Mode.STABILIZE}
 THIRD = Autopilot(

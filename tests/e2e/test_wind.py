@@ -7,6 +7,8 @@ import pytest
 from companion.flight.landing.situation import Phase
 from tests.e2e.harness import Mission
 
+pytestmark = pytest.mark.long
+
 FROM_DEG = 310.0
 
 

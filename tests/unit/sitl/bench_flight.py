@@ -13,7 +13,7 @@ from sitl.autopilot.estimator import EstimateErrors, Estimator
 from sitl.vehicle.multirotor import Vehicle
 from sitl.vehicle.rigid_body import State, ned, rotate
 
-TICK_NS = 2_500_000
+TICK_NS = 10_000_000  # coarser than by default, for time
 ORIGIN = (47.0, 8.0, 400.0)
 
 
