@@ -1,7 +1,7 @@
 """Test modules that reach a file (`python -m tests.reach FILE`), by their imports or the names they mention.
 
-A test reaches a module if it imports it, itself or by a helper, or lies in its folder of `tests/unit`. If there
-is none, those that import an importer count, and so on. Flights (`tests/e2e`) do not count.
+A test reaches a module if it imports it (or a helper does), or lies in its folder under `tests/unit`. If
+none does, those that import an importer count, and so on. Flights (`tests/e2e`) do not count.
 """
 
 from __future__ import annotations

@@ -27,7 +27,9 @@ class Bench:
         seed: int = 1,
         wind_from_deg: float | None = None,
         gust_ms: float | None = None,
+        tick_ns: int = TICK_NS,
     ) -> None:
+        self.tick_ns = tick_ns
         rng = np.random.default_rng(seed)
         self.vehicle = Vehicle(rng, (0.0, 0.0, 0.0), 0.7, wind_ms, wind_from_deg, gust_ms)
         self.autopilot = Autopilot(ORIGIN)
@@ -42,15 +44,15 @@ class Bench:
         return self.vehicle.truth
 
     def tick(self) -> None:
-        dt = TICK_NS * 1e-9
+        dt = self.tick_ns * 1e-9
         estimate = self.estimator.update(dt, self.vehicle.truth)
         demand = self.autopilot.update(dt, self.now_ns, estimate, self.vehicle.on_ground)
-        self.now_ns += TICK_NS
+        self.now_ns += self.tick_ns
         self.vehicle.update(dt, self.now_ns, demand, self.ground_m)
         self.sent += [message for _, message in self.autopilot.take_outgoing(self.now_ns)]
 
     def run(self, seconds: float, each: Callable[[], None] | None = None, every_s: float = 0.05) -> Bench:
-        ticks, period = round(seconds * 1e9 / TICK_NS), round(every_s * 1e9 / TICK_NS)
+        ticks, period = round(seconds * 1e9 / self.tick_ns), round(every_s * 1e9 / self.tick_ns)
         for tick in range(ticks):
             if each is not None and tick % period == 0:
                 each()

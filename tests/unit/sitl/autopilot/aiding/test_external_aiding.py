@@ -19,9 +19,9 @@ from tests.unit.sitl.bench_flight import ORIGIN, TICK_NS, Bench
 F64 = NDArray[np.float64]
 
 
-def hovering(**parameters: float) -> tuple[Bench, Lidar]:
+def hovering(tick_ns: int = TICK_NS, **parameters: float) -> tuple[Bench, Lidar]:
     """Return a vehicle ten metres up with GPS, and poses that are not yet used."""
-    bench = Bench(wind_ms=0.0)
+    bench = Bench(wind_ms=0.0, tick_ns=tick_ns)
     bench.autopilot = Autopilot(ORIGIN, EXTERNAL | parameters)
     bench.estimator = Estimator(np.random.default_rng(1), EstimateErrors.none(), bench.autopilot.aiding)
     bench.autopilot.add_link(0)
@@ -39,7 +39,7 @@ def use_set(bench: Bench, number: int) -> int:
 def largest_jump_m(bench: Bench, lidar: Lidar, seconds: float) -> float:
     """Return the largest change of the estimate's error within a tick."""
     steps, before = [], error_m(bench)
-    for tick in range(round(seconds * 1e9 / TICK_NS)):
+    for tick in range(round(seconds * 1e9 / bench.tick_ns)):
         if tick % 40 == 0:
             lidar()
         bench.tick()
@@ -161,7 +161,7 @@ def test_a_reset_of_the_sender_is_taken_at_once_and_the_vehicle_stays() -> None:
 
 
 def test_back_to_gps_is_a_jump_that_clients_see() -> None:
-    bench, lidar = hovering()
+    bench, lidar = hovering(tick_ns=2_500_000)
     use_set(bench, 2)
     lidar.error_enu_m = np.array([0.0, 1.0, 0.0])
     run(bench, lidar, 8.0)
@@ -189,7 +189,7 @@ def test_a_delay_that_the_filter_does_not_know_is_an_error_in_flight() -> None:
 
 
 def test_the_heading_follows_the_poses_where_the_set_says_so() -> None:
-    bench, lidar = hovering()
+    bench, lidar = hovering(tick_ns=2_500_000)
     use_set(bench, 2)
     lidar.turn_rad = math.radians(8.0)
     run(bench, lidar, 20.0)
