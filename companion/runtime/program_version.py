@@ -14,7 +14,7 @@ DIGITS = 12
 
 @functools.cache
 def program_version() -> str:
-    """Return release and digest, such as `0.2.0+1f3a9c02b7de`; the same source gives the same on any machine.
+    """Return release and digest, such as `1.0.0+1f3a9c02b7de`; the same source gives the same on any machine.
 
     The digest covers every file of the packages, the simulator's too: another world is another result. It is
     taken at the first call, so that a long run calls it before its first flight.
