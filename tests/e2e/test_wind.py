@@ -49,7 +49,7 @@ def test_waits_in_too_much_wind_and_lands_in_an_emergency() -> None:
     async def script(m: Mission) -> None:
         await m.until(lambda: any("wind too strong for this point" in text for text in m.heard))
         assert m.phase is Phase.IDLE
-        assert m.companion.executive.land_now(m.companion.deciding.situations.situation()).accepted
+        assert m.companion.executive.orders.land_now(m.companion.deciding.situations.situation()).accepted
         await m.until_phase(Phase.LANDED)
 
     mission.fly(script)

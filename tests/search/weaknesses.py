@@ -58,7 +58,7 @@ class Moment:
 
 def moment(flight: SearchFlight, s: Situation) -> Moment:
     """Return the moment of a situation."""
-    aim, intrusion = flight.companion.executive.state.aim, s.intrusion
+    aim, intrusion = flight.companion.executive.progress.aim, s.intrusion
     tall, bearing = UNKNOWN_HEIGHT_M, 0.0
     if aim.enu_m is not None:
         place, seen = aim.enu_m[:2], [(one.height_m, one.enu_m) for one in s.moving]

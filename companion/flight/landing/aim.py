@@ -1,10 +1,11 @@
-"""Target point of a landing: position, distance, and state in the newest report."""
+"""Target point of a landing and the selected point: position, distance, and state in the newest report."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from companion.flight.landing.situation import Vector
+from companion.flight.landing.situation import Situation, Vector
+from params import Parameters
 from slz import PointState, SelectedPoint
 
 SAME_PLACE_M = 0.01
@@ -37,8 +38,9 @@ class Aim:
             self.enu_m = self.enu_m + jump_enu_m
             self._ground_m = None if self._ground_m is None else self._ground_m + float(jump_enu_m[2])
 
-    def measure(self, position_enu_m: Vector | None, selected: SelectedPoint | None) -> None:
+    def follow(self, s: Situation) -> None:
         """Update the ground height, if the newest report judges this point, and the distances."""
+        position_enu_m, selected = s.position_enu_m, s.selected
         if self.enu_m is None:
             return
         if self.is_at(selected) and selected is not None and np.isfinite(selected.height_m):
@@ -59,6 +61,10 @@ class Aim:
         """Return whether a report's selected point is this one."""
         return selected is not None and self.enu_m is not None and same_place(selected.enu_m, self.enu_m)
 
+    def is_low(self, parameters: Parameters) -> bool:
+        """Return whether only dust would be seen of the point, or the landing is committed."""
+        return self.height_left_m <= committed_m(parameters)
+
     def judgement(self, selected: SelectedPoint | None) -> PointState:
         """Return the state of the point in the newest report; unknown if that judges another point.
 
@@ -69,6 +75,43 @@ class Aim:
         return selected.state
 
 
+class PointSelection:
+    """Newest selected point, and whether the pipeline is still to be asked to judge it."""
+
+    def __init__(self) -> None:
+        self._newest: Vector | None = None
+        self._pending = False
+
+    def select(self, enu_m: Vector | None) -> None:
+        """Select a point: the pipeline judges it from its next report on."""
+        self._newest, self._pending = enu_m, enu_m is not None
+
+    def clear(self) -> bool:
+        """Clear the selection; return whether there was one."""
+        had_one = self._newest is not None
+        self.select(None)
+        return had_one
+
+    @property
+    def enu_m(self) -> Vector | None:
+        """Newest selected point (3,), None without one."""
+        return self._newest
+
+    def collect(self) -> Vector | None:
+        """Return the point to send to the pipeline, once after each selection."""
+        pending, self._pending = self._pending, False
+        return self._newest if pending else None
+
+    def is_judged_by(self, selected: SelectedPoint | None) -> bool:
+        """Return whether a report's selected point is the newest one, or nothing else was selected."""
+        return self._newest is None or (selected is not None and same_place(selected.enu_m, self._newest))
+
+
 def same_place(a: Vector, b: Vector) -> bool:
     """Return whether two points are at the same horizontal position."""
     return float(np.hypot(*(a[:2] - b[:2]))) <= SAME_PLACE_M
+
+
+def committed_m(parameters: Parameters) -> float:
+    """Return the height over the point below which its last verified state holds."""
+    return max(parameters.commit_height_m, parameters.dust_height_m)

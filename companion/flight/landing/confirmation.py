@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.flight.landing.aim import same_place
-from companion.flight.landing.situation import Situation, Vector
+from companion.flight.landing.landing_progress import LandingProgress
+from companion.flight.landing.situation import Phase, Situation, Vector
+from params import Parameters
 from slz import Report, SurfaceHere, SurfaceKind, Zone
 from slz.surface.surface_kinds import UNKNOWN_SURFACE
 
@@ -75,6 +77,24 @@ def ground_at(s: Situation, enu_m: Vector, zone_id: int | None = None) -> Ground
     if s.selected is not None and same_place(s.selected.enu_m, enu_m):
         return Ground(enu_m, found_id, s.selected.surface)
     return Ground(enu_m, found_id, UNKNOWN_SURFACE if zone is None else zone.best.surface)
+
+
+def must_be_confirmed(surface: SurfaceHere, parameters: Parameters) -> bool:
+    """Return whether a landing on a surface needs the operator's confirmation."""
+    return surface.must_be_confirmed(parameters.roof, parameters.vegetation)
+
+
+def unconfirmed(s: Situation, progress: LandingProgress, parameters: Parameters) -> str | None:
+    """Return the surface at the point, if a landing there lacks its confirmation; otherwise None."""
+    selected, request = s.selected, progress.request
+    if selected is None or not progress.aim.is_at(selected):
+        return None
+    surface = selected.surface
+    if progress.is_urgent or not must_be_confirmed(surface, parameters):
+        return None
+    if request is None and progress.phase is Phase.FINAL:  # resumed: confirmed before the restart
+        return None
+    return None if request is not None and request.confirmed is surface.kind else surface.text
 
 
 def _zone_of(report: Report, enu_m: Vector, zone_id: int | None) -> Zone | None:

@@ -1,4 +1,4 @@
-"""Ownership of the flight mode: set by slz, asked to be left by slz, or set by the pilot."""
+"""Flight mode: set by slz or by the pilot, and the pilot's hand-over to an automatic landing."""
 
 from __future__ import annotations
 
@@ -61,3 +61,43 @@ class ModeOwnership:
                 self._shown = self._lands = True
             return False
         return s.mode != self._leaving
+
+
+class HandOver:
+    """Tracks the flight mode from step to step.
+
+    The guided mode is a hand-over if it was set at the start of the companion, was set on the ground, or is
+    chosen in the air. It does not count if the autopilot returns to it after a failsafe of its own, as PX4
+    does when setpoints arrive again, nor while the vehicle must not be commanded; the pilot then has to
+    choose it once more.
+
+    Attributes
+    ----------
+    given
+        Whether the vehicle is handed over.
+    asked_ns
+        Last time at which the pilot was asked for a hand-over.
+    """
+
+    def __init__(self) -> None:
+        self.given = True
+        self.asked_ns: int | None = None
+        self._guided: bool | None = None
+        self._failsafe = False
+
+    def follow(self, s: Situation) -> None:
+        """Update from the present situation."""
+        if not s.connected or not s.heard:
+            return
+        failsafe = s.failsafe or s.breached or bool(s.no_command_reason)
+        if not s.armed or s.on_ground is True:
+            self.given = True
+        elif failsafe:
+            self.given = False
+        elif s.guided and self._guided is False and not self._failsafe:
+            self.given = True
+        self._guided, self._failsafe = s.guided, failsafe
+
+    def end(self) -> None:
+        """End the hand-over: the next one is needed."""
+        self.given = False

@@ -84,24 +84,24 @@ class OrderDesk:
 
     def carry_out(self, order: Order) -> Reply:
         """Execute an order, or return the reason of its refusal."""
-        executive, situation = self._executive, self._situation()
+        orders, situation = self._executive.orders, self._situation()
         match order:
             case Order(OrderKind.ABORT):
-                return executive.abort(situation)
+                return orders.abort(situation)
             case Order(OrderKind.LAND_AT_BEST):
-                return executive.land_at_best(situation)
+                return orders.land_at_best(situation)
             case Order(OrderKind.LAND_NOW):
-                return executive.land_now(situation)
+                return orders.land_now(situation)
             case Order(OrderKind.LAND_AT_SELECTED):
-                return executive.land_at_selected(situation)
+                return orders.land_at_selected(situation)
             case Order(OrderKind.LAND_IN_ZONE, zone_id=int(zone_id)):
-                return executive.land_in_zone(situation, zone_id)
+                return orders.land_in_zone(situation, zone_id)
             case Order(OrderKind.SELECT_ZONE, zone_id=int(zone_id)):
-                return executive.select_zone(situation, zone_id)
+                return orders.select_zone(situation, zone_id)
             case Order(point_enu_m=np.ndarray() as enu_m) if float(np.hypot(*enu_m[:2])) > self._reach_m:
                 return Reply(False, "the point is too far away")
             case Order(OrderKind.LAND_AT_POINT, point_enu_m=np.ndarray() as enu_m):
-                return executive.land_at_point(situation, enu_m)
+                return orders.land_at_point(situation, enu_m)
             case Order(OrderKind.SELECT_POINT, point_enu_m=np.ndarray() as enu_m):
-                return executive.select_point(enu_m)
+                return orders.select_point(enu_m)
         raise ValueError(f"{order}: it has neither zone nor point")

@@ -9,18 +9,16 @@ from enum import Enum
 import numpy as np
 
 from companion.flight.geometry.geofence import Geofence
-from companion.flight.landing.expanding_square import expanding_square
 from companion.flight.landing.guidance import course_rad, level, towards
-from companion.flight.landing.situation import Situation, Vector, VehicleCommands, known
+from companion.flight.landing.pilot_texts import PilotTexts
+from companion.flight.landing.situation import Severity, Situation, Vector, VehicleCommands, known
 from params import Parameters
 from slz.points.mapping_reach import reach_m
 
 BLOCKED_NS = 2_000_000_000
 STEP_UP_M, MOST_UP_M = 5.0, 30.0  # step and total of the climb over an obstacle
 AT_CORNER_M = 3.0
-LEGS_APART = (
-    1.6  # times what is seen to each side: up to the mapping reach, at most within 45 degrees of the nadir
-)
+LEGS_APART = 1.6  # in mapping reaches, which end at 45 degrees from the nadir
 MOST_SKIPPED = 8  # corners beyond the fence in a step, after which the vehicle stays until the next one
 TURN_M = 6.0  # within this distance the heading is kept
 
@@ -53,6 +51,10 @@ class Route:
         self._middle = np.zeros(2)
         self._risen_m = 0.0
         self._blocked_since_ns: int | None = None
+
+    def follow(self, s: Situation) -> None:
+        """Use the ceiling of the present fence."""
+        self.highest_m = s.fence.highest_m
 
     @property
     def height_m(self) -> float:
@@ -140,6 +142,25 @@ class Route:
         self._height_m = self.height_m + STEP_UP_M
         return Way.CLIMBING
 
+    def reported_way(self, s: Situation, texts: PilotTexts) -> Way:
+        """Raise the route as `way` does, and report the climb."""
+        way = self.way(s)
+        if way is Way.CLIMBING:
+            texts.say(Severity.INFO, "obstacle ahead: climbing")
+        return way
+
     def unblocked(self) -> None:
         """Restart the timer of an obstacle ahead."""
         self._blocked_since_ns = None
+
+
+def expanding_square(east_m: float, north_m: float, spacing_m: float) -> Iterator[tuple[float, float]]:
+    """Yield the corners of an expanding square search about a point (legs 1, 1, 2, 2, 3, 3 ... spacings)."""
+    steps = ((1, 0), (0, 1), (-1, 0), (0, -1))
+    leg = 0
+    while True:
+        dx, dy = steps[leg % 4]
+        length = spacing_m * (leg // 2 + 1)
+        east_m, north_m = east_m + dx * length, north_m + dy * length
+        leg += 1
+        yield east_m, north_m

@@ -10,10 +10,13 @@ from operator import itemgetter
 import numpy as np
 
 from companion.flight.geometry.wind import Wind
-from companion.flight.landing.situation import Vector
-from companion.flight.landing.ways.reach_time import reach_time_s
+from companion.flight.landing.confirmation import must_be_confirmed
+from companion.flight.landing.fenced_zones import FencedZones
+from companion.flight.landing.landing_progress import LandingProgress
+from companion.flight.landing.situation import Emergency, Situation, Vector
+from companion.flight.landing.ways.endurance import Endurance, reach_time_s
 from params import Parameters
-from slz import Report, SurfaceHere, Zone
+from slz import Report, Zone
 
 REFUSE_WITHIN_M = 6.0
 Inside = Callable[[Zone], bool]
@@ -38,7 +41,7 @@ def choose(
     Parameters
     ----------
     inside
-        Tells whether a zone and the way there are inside the autopilot's fence.
+        True for a zone that is, with the way there, inside the autopilot's fence.
     """
     room_m = parameters.touchdown_error_m + drift_m if drift_m else 0.0
     certainty = parameters.min_certainty
@@ -90,7 +93,7 @@ def soonest(
     endurance_s
         How long the battery lasts, None while that is unknown.
     inside
-        Tells whether a zone and the way there are inside the autopilot's fence.
+        True for a zone that is, with the way there, inside the autopilot's fence.
     """
     prior = () if report.prior is None else report.prior.zones
     least = parameters.min_certainty
@@ -115,9 +118,37 @@ def soonest(
     return zone, seconds
 
 
-def must_be_confirmed(surface: SurfaceHere, parameters: Parameters) -> bool:
-    """Return whether a landing on a surface needs the operator's confirmation."""
-    return surface.must_be_confirmed(parameters.roof, parameters.vegetation)
+class SoonestZone:
+    """Usable zone that is reached soonest, inside the fence and away from refused points."""
+
+    def __init__(
+        self, parameters: Parameters, progress: LandingProgress, fenced: FencedZones, endurance: Endurance
+    ) -> None:
+        self._p, self._progress, self._fenced, self._endurance = parameters, progress, fenced, endurance
+
+    def zone(self, s: Situation) -> Zone | None:
+        """Return the zone, None without one."""
+        found = self.zone_and_s(s)
+        return None if found is None else found[0]
+
+    def zone_and_s(self, s: Situation) -> tuple[Zone, float] | None:
+        """Return the zone, and the time until touchdown (s); None without one."""
+        if s.report is None or s.position_enu_m is None:
+            return None
+        endurance_s = self._endurance.left_s(s.now_ns)
+        return soonest(
+            s.report, self._progress.refused, self._p, s.position_enu_m, s.wind, endurance_s,
+            lambda zone: self._fenced.is_inside(s, zone),
+        )  # fmt: skip
+
+    def emergency(self, s: Situation) -> Emergency | None:
+        """Return where an emergency order would land now, None without a zone."""
+        found = self.zone_and_s(s)
+        if found is None:
+            return None
+        zone, seconds = found
+        endurance_s = self._endurance.left_s(s.now_ns)
+        return Emergency(zone.id, seconds, None if endurance_s is None else seconds <= endurance_s)
 
 
 def _usable(zone: Zone, refused_enu_m: Sequence[Vector], least_certainty: float) -> bool:

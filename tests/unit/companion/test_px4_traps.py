@@ -65,7 +65,7 @@ def on_px4(monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Companion, list[An
         return CommandResult(command_id, "timeout")
 
     monkeypatch.setattr(made.link, "command", command)
-    made.executive.state.phase = Phase.FINAL
+    made.executive.progress.phase = Phase.FINAL
     yield made, sent
     made.mapping.worker.close()
 

@@ -32,12 +32,18 @@ SOURCES = (
     "companion/flight/dashboard/viewer.py",
     "companion/desk/replay/replay_page.py",
     "companion/flight/landing/looks/closer_look.py",
-    "companion/flight/landing/executive.py",
     "companion/flight/landing/looks/oblique_look.py",
-    "companion/flight/landing/interruptions/crossing_wait.py",
-    "companion/flight/landing/landing_state.py",
+    "companion/flight/landing/interruptions/crossing.py",
+    "companion/flight/landing/interruptions/gps_loss.py",
+    "companion/flight/landing/interruptions/late_abort.py",
+    "companion/flight/landing/interruptions/reactions.py",
+    "companion/flight/landing/landing_wind.py",
+    "companion/flight/landing/order_acceptance.py",
+    "companion/flight/landing/pilot_texts.py",
+    "companion/flight/landing/point_objections.py",
+    "companion/flight/landing/route.py",
+    "companion/flight/landing/transitions.py",
     "companion/flight/landing/interruptions/withdrawal.py",
-    "companion/flight/landing/interruptions/vehicle_class_announcer.py",
     "companion/flight/landing/interruptions/low_battery.py",
     "companion/flight/landing/interruptions/missing_input.py",
     "companion/flight/landing/interruptions/position_jump.py",
@@ -65,7 +71,7 @@ SAYS = {
     "BrokenInvariantError": 0,
     "say": 1,
     "_say": 1,
-    "call": 0,
+    "call_pilot": 0,
     "_tell": 0,
     "_wait_for": 1,
     "break_off": 0,
@@ -117,7 +123,7 @@ def _in_functions(tree: ast.AST) -> Iterator[tuple[str, str]]:
         if isinstance(node, ast.ClassDef) and node.name in ("MissingInput", "KeyMismatch"):
             members = (ast.literal_eval(part.value) for part in node.body if isinstance(part, ast.Assign))
             yield from ((m if isinstance(m, str) else " ".join(m), "") for m in members)
-        if isinstance(node, ast.FunctionDef) and node.name in ("update", "why_not"):
+        if isinstance(node, ast.FunctionDef) and node.name in ("update", "objection"):
             for part in ast.walk(node):
                 if isinstance(part, ast.Return) and part.value is not None:
                     yield from _returned(part.value)

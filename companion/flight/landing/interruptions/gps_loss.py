@@ -7,43 +7,56 @@ estimate seems to change: the last verified state of the point holds.
 
 from __future__ import annotations
 
-from companion.flight.landing.situation import Situation
+from companion.flight.landing.interruptions.preconditions import Breach
+from companion.flight.landing.landing_progress import LandingProgress
+from companion.flight.landing.pilot_texts import PilotTexts
+from companion.flight.landing.point_objections import objection
+from companion.flight.landing.situation import STOPPED, Phase, Severity, Situation, VehicleCommands
+from companion.flight.landing.transitions import Transitions
 from params import Parameters
 
-SECOND = 1_000_000_000
-PATIENCE_NS = SECOND // 2  # a shorter loss is over at once
-GUIDES_NS = (
-    5 * SECOND
-)  # for which a dead reckoning certainly guides: ArduPilot 7.3 s, PX4 sinks by itself then
-BACK_NS = 5 * SECOND  # a receiver that has just found its satellites may lose them again, or err by metres
 
+class WithoutGps:
+    """Reaction to the loss of GPS while no odometry guides the autopilot."""
 
-class GpsLoss:
-    """Tracks the loss of GPS while no odometry that the autopilot uses knows the place."""
+    def __init__(
+        self,
+        parameters: Parameters,
+        progress: LandingProgress,
+        texts: PilotTexts,
+        transitions: Transitions,
+    ) -> None:
+        self._p, self._progress, self._texts, self._transitions = parameters, progress, texts, transitions
 
-    def __init__(self, parameters: Parameters) -> None:
-        self._is_sent = parameters.odometry == "autopilot"
-        self._since_ns: int | None = None
-        self._last_ns = 0
+    def report(self, reaction: str) -> None:
+        """Report the loss and the reaction to it."""
+        self._texts.say(Severity.CRITICAL, f"GPS lost: {reaction}, be ready")
 
-    @property
-    def is_on(self) -> bool:
-        """True if GPS is lost, from the first report without a fix until it has been back for a while."""
-        return self._since_ns is not None
+    def hold(self, breach: Breach, s: Situation) -> VehicleCommands:
+        """Land at once at a safe point that the vehicle is over, otherwise hover where it is."""
+        down = self._descend_at_once(s) if self._progress.phase is Phase.APPROACH else None
+        if breach.is_new:
+            self.report("hovering" if down is None else "landing at once")
+        if down is not None:
+            return down
+        self._progress.safe_since_ns = None
+        self._transitions.restart_limit(s)
+        if self._progress.phase is Phase.SURVEY and not s.guided:
+            return self._transitions.take_over(s)
+        return VehicleCommands(mode=None if s.guided else "guided", velocity_enu_ms=STOPPED)
 
-    @property
-    def lasts(self) -> bool:
-        """True if it is more than a report or two without a fix."""
-        return self._since_ns is not None and self._last_ns - self._since_ns >= PATIENCE_NS
+    def stop_for_object(self, s: Situation) -> VehicleCommands | None:
+        """Hover and call the pilot where something came onto the point after the loss; else None."""
+        if s.intrusion is None or self._progress.aim.is_low(self._p):
+            return None
+        self._texts.say(Severity.CRITICAL, "GPS lost, object on the point: take over")
+        return self._transitions.break_off(f"object of {s.intrusion.height_m:.1f} m came", s, hold=True)
 
-    def still_guides(self, now_ns: int) -> bool:
-        """Return whether the estimate will guide the vehicle for some seconds more."""
-        return self._since_ns is None or now_ns - self._since_ns < GUIDES_NS
-
-    def follow(self, s: Situation) -> None:
-        """Update from the present situation."""
-        if s.gps_lost and not (self._is_sent and s.tracked):
-            self._since_ns = s.now_ns if self._since_ns is None else self._since_ns
-            self._last_ns = s.now_ns
-        elif not self.lasts or s.now_ns - self._last_ns >= BACK_NS:
-            self._since_ns = None
+    def _descend_at_once(self, s: Situation) -> VehicleCommands | None:
+        """Descend over a safe point without waiting; None if the vehicle is not ready to go straight down."""
+        progress = self._progress
+        sloped = self._p.approach_path == "sloped" and not progress.is_urgent
+        if progress.safe_since_ns is None or sloped or objection(s, progress, self._p) is not None:
+            return None
+        self._transitions.enter_phase(Phase.DESCEND, s)
+        return VehicleCommands(velocity_enu_ms=STOPPED, target_enu_m=progress.aim.on_ground_enu_m)

@@ -5,15 +5,27 @@ from __future__ import annotations
 import numpy as np
 
 from companion.flight.fusion.pose_history import motion_m
-from companion.flight.landing.landing_state import LandingState
+from companion.flight.landing.aim import PointSelection
+from companion.flight.landing.landing_progress import LandingProgress
+from companion.flight.landing.pilot_texts import PilotTexts
+from companion.flight.landing.route import Route
 from companion.flight.landing.situation import COMMANDING, Phase, Severity, Situation, Vector, known
+from params import Parameters
 
 
 class PositionJump:
     """Compares each situation with the last one that had a position."""
 
-    def __init__(self, state: LandingState) -> None:
-        self._state = state
+    def __init__(
+        self,
+        parameters: Parameters,
+        progress: LandingProgress,
+        texts: PilotTexts,
+        route: Route,
+        selection: PointSelection,
+    ) -> None:
+        self._p, self._progress, self._texts = parameters, progress, texts
+        self._route, self._selection = route, selection
         self._last: Situation | None = None
 
     def forget(self) -> None:
@@ -22,32 +34,32 @@ class PositionJump:
 
     def follow(self, s: Situation) -> None:
         """Shift stored positions by the jump since the last call, if there was one."""
-        state, last = self._state, self._last
+        progress, last = self._progress, self._last
         if s.position_enu_m is None:
             return
         self._last = s
         if last is None or last.epoch == s.epoch:
             return
-        if state.phase in COMMANDING:
+        if progress.phase in COMMANDING:
             self._shift(last, s)
-        if state.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL):
-            state.tally.chosen_enu_m = state.aim.enu_m
-            state.selection.select(state.aim.enu_m)
-        elif state.selection.clear() and state.phase in (Phase.IDLE, Phase.LANDED, Phase.HOLD):
-            state.say(Severity.WARNING, "selection lost: select again")
+        if progress.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL):
+            progress.tally.chosen_enu_m = progress.aim.enu_m
+            self._selection.select(progress.aim.enu_m)
+        elif self._selection.clear() and progress.phase in (Phase.IDLE, Phase.LANDED, Phase.HOLD):
+            self._texts.say(Severity.WARNING, "selection lost: select again")
 
     def _shift(self, last: Situation, s: Situation) -> None:
         """Shift by the jump if it exceeds possible motion: the vehicle may have braked in a gap."""
-        state = self._state
+        progress = self._progress
         speed_ms = (_or_zero(last.velocity_enu_ms) + _or_zero(s.velocity_enu_ms)) / 2
         elapsed_s = (s.now_ns - last.now_ns) * 1e-9
         jump_m = known(s.position_enu_m) - known(last.position_enu_m) - speed_ms * elapsed_s
-        state.say(Severity.WARNING, "position jumped")
-        if np.linalg.norm(jump_m) <= motion_m(elapsed_s, state.parameters.pose_timeout_s):
+        self._texts.say(Severity.WARNING, "position jumped")
+        if np.linalg.norm(jump_m) <= motion_m(elapsed_s, self._p.pose_timeout_s):
             return
-        state.route.move(jump_m)
-        state.refused = [point + jump_m for point in state.refused]
-        state.aim.move(jump_m)
+        self._route.move(jump_m)
+        progress.refused = [point + jump_m for point in progress.refused]
+        progress.aim.move(jump_m)
 
 
 def _or_zero(vector: Vector | None) -> Vector:

@@ -8,11 +8,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from companion.flight.landing.aim import Aim
-from companion.flight.landing.interruptions.gps_loss import GpsLoss
 from companion.flight.landing.interruptions.velocity_following import VelocityFollowing
+from companion.flight.landing.landing_progress import LandingProgress
+from companion.flight.landing.landing_wind import LandingWind
 from companion.flight.landing.mode_ownership import ModeOwnership
-from companion.flight.landing.situation import Situation
+from companion.flight.landing.outage import GpsLoss
+from companion.flight.landing.situation import Phase, Situation
+from params import Parameters
 
 
 class Stage(Enum):
@@ -133,7 +135,16 @@ class Breach:
 class Preconditions:
     """Checker of the preconditions of the present stage, step by step."""
 
-    def __init__(self) -> None:
+    def __init__(
+        self,
+        parameters: Parameters,
+        progress: LandingProgress,
+        ownership: ModeOwnership,
+        wind: LandingWind,
+        gps_loss: GpsLoss,
+    ) -> None:
+        self._p, self._progress = parameters, progress
+        self._ownership, self._wind, self._gps_loss = ownership, wind, gps_loss
         self._since_ns: dict[Precondition, int] = {}
         self._reported_ns: dict[Precondition, int] = {}
         self._rest_us: tuple[int, int] | None = None  # stick positions before the autopilot's landing
@@ -141,39 +152,21 @@ class Preconditions:
         self._stage: Stage | None = None
         self._following = VelocityFollowing()
 
-    def breach(
-        self,
-        stage: Stage,
-        s: Situation,
-        aim: Aim,
-        ownership: ModeOwnership,
-        *,
-        off_point_m: float,
-        too_windy: str,
-        gps_loss: GpsLoss,
-    ) -> Breach | None:
-        """Return the first violated precondition that needs a reaction, None without one.
-
-        Parameters
-        ----------
-        off_point_m
-            Greatest distance from the point in the autopilot's landing; halved below the commit height.
-        too_windy
-            Text about gusts beyond the limit, "" within it.
-        gps_loss
-            Loss of GPS that no odometry makes up for.
-        """
+    def breach(self, s: Situation) -> Breach | None:
+        """Return the first violated precondition that needs a reaction, None without one."""
+        stage, aim = self._present_stage, self._progress.aim
+        too_windy = self._wind.too_windy(s)
         self._follow(stage, s)
         self._following.update(s)
-        broken = self._state(stage, s, ownership)
+        broken = self._state(stage, s)
         if too_windy:
             broken[Precondition.WIND] = too_windy
-        if gps_loss.lasts:
+        if self._gps_loss.lasts:
             broken[Precondition.PLACE] = ""
-        elif s.gps_lost and not gps_loss.is_on:
+        elif s.gps_lost and not self._gps_loss.is_on:
             broken[Precondition.GPS] = ""
         if s.velocity_enu_ms is not None and Precondition.POSITION not in broken:
-            limit_m = off_point_m / 2 if stage is Stage.COMMITTED else off_point_m
+            limit_m = self._p.off_point_m / 2 if stage is Stage.COMMITTED else self._p.off_point_m
             up_ms = float(s.velocity_enu_ms[2])
             stands = abs(aim.height_left_m) <= STANDS_M and abs(up_ms) <= STANDS_MS
             broken |= self._motion(s, up_ms, aim.away_m > limit_m and not stands, aim.away_m)
@@ -192,6 +185,12 @@ class Preconditions:
                 return Breach(precondition, reaction, broken[precondition], is_new)
         return None
 
+    @property
+    def _present_stage(self) -> Stage:
+        progress = self._progress
+        committed = progress.aim.height_left_m <= self._p.commit_height_m or self._gps_loss.is_on
+        return Stage.COMMITTED if progress.phase is Phase.FINAL and committed else Stage(progress.phase.value)
+
     def _follow(self, stage: Stage, s: Situation) -> None:
         """Record the beginning of the autopilot's landing, and the stick positions until then."""
         landing = stage in LANDING
@@ -207,7 +206,7 @@ class Preconditions:
             self._since_ns.clear()  # kept at the commit height, which a landing may cross several times
         self._stage = stage
 
-    def _state(self, stage: Stage, s: Situation, ownership: ModeOwnership) -> dict[Precondition, str]:
+    def _state(self, stage: Stage, s: Situation) -> dict[Precondition, str]:
         """Return the preconditions about the vehicle's state that fail now, with their texts."""
         landing = stage in LANDING
         broken: dict[Precondition, str] = {}
@@ -215,7 +214,7 @@ class Preconditions:
             broken[Precondition.ARMED] = ""
         if s.no_command_reason:
             broken[Precondition.CLASS] = s.no_command_reason
-        if s.connected and ownership.is_taken_away(s):
+        if s.connected and self._ownership.is_taken_away(s):
             broken[Precondition.MODE] = s.mode
         if s.commander:
             broken[Precondition.COMMANDER] = s.commander

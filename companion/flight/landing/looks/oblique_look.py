@@ -9,8 +9,11 @@ import math
 
 import numpy as np
 
-from companion.flight.landing.landing_state import SECOND, LandingState
+from companion.flight.landing.landing_progress import LandingProgress
+from companion.flight.landing.pilot_texts import PilotTexts
 from companion.flight.landing.situation import Severity, Situation, Vector, known
+from companion.flight.landing.transitions import SECOND
+from params import Parameters
 from slz import SurfaceHere
 
 LEAST_SHARE, MOST_WATER = 0.5, 0.9  # suspicions worth a look: of `water_suspicion`, and a probability
@@ -31,8 +34,8 @@ class ObliqueLook:
         (3,) the place that is looked at, None before the first look.
     """
 
-    def __init__(self, state: LandingState) -> None:
-        self._state = state
+    def __init__(self, parameters: Parameters, progress: LandingProgress, texts: PilotTexts) -> None:
+        self._p, self._progress, self._texts = parameters, progress, texts
         self.reset()
 
     def reset(self) -> None:
@@ -60,10 +63,9 @@ class ObliqueLook:
         height_m
             Height above it, not finite where unknown.
         """
-        state, least = self._state, LEAST_SHARE * self._state.parameters.water_suspicion
-        if self._is_over or state.is_urgent:
+        if self._is_over or self._progress.is_urgent:
             return None
-        doubtful = least < surface.water < MOST_WATER
+        doubtful = LEAST_SHARE * self._p.water_suspicion < surface.water < MOST_WATER
         if not self.is_under_way:
             if not (doubtful and math.isfinite(height_m)):
                 return None
@@ -90,7 +92,7 @@ class ObliqueLook:
         self._radius_m = min(FARTHEST_M, max(NEAREST_M, radius_m))
         east_m, north_m = (known(s.position_enu_m) - centre_enu_m)[:2]
         self._corner = round(math.atan2(north_m, east_m) / (2 * math.pi) * N_CORNERS)
-        self._state.say(Severity.INFO, "may be water: looking from aside")
+        self._texts.say(Severity.INFO, "may be water: looking from aside")
 
     def _to_corner(self, s: Situation) -> Vector:
         angle = 2 * math.pi * self._corner / N_CORNERS

@@ -11,12 +11,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.flight.landing.confirmation import ground_at
-from companion.flight.landing.interruptions.missing_input import without_lidar
-from companion.flight.landing.landing_state import SECOND, LandingState
+from companion.flight.landing.check_order import Check
+from companion.flight.landing.confirmation import ground_at, must_be_confirmed, unconfirmed
+from companion.flight.landing.fenced_zones import aim_is_beyond_fence
+from companion.flight.landing.interruptions.missing_input import MissingInputs
+from companion.flight.landing.landing_progress import LandingProgress
+from companion.flight.landing.landing_wind import LandingWind
 from companion.flight.landing.looks.closer_look import LOOK_MS, CloserLook
 from companion.flight.landing.looks.oblique_look import ObliqueLook
-from companion.flight.landing.route import TURN_M, Way
+from companion.flight.landing.pilot_texts import PilotTexts
+from companion.flight.landing.point_objections import cause_suffix, may_be_water, water_suffix
+from companion.flight.landing.route import TURN_M, Route, Way
 from companion.flight.landing.situation import (
     STOPPED,
     Phase,
@@ -27,8 +32,9 @@ from companion.flight.landing.situation import (
     known,
 )
 from companion.flight.landing.touchdown_heading import is_turned, stands_at, touchdown_heading_rad
+from companion.flight.landing.transitions import SECOND, Transitions
 from companion.flight.landing.ways.fly_out import FlyOut
-from companion.flight.landing.zone_choice import must_be_confirmed
+from params import Parameters
 from slz import PointState, SurfaceHere, SurfaceKind
 
 REFUSED_NS = 3 * SECOND  # called unsafe by every report: rays contradict an echo of clutter sooner
@@ -42,10 +48,26 @@ OVER_M, OVER_MS = 1.0, 0.5  # distance and speed of a vehicle that is over the p
 class Approach:
     """Flies to a point at the height of the route."""
 
-    def __init__(self, state: LandingState) -> None:
-        self._state = state
-        self._aside, self._closer = ObliqueLook(state), CloserLook(state)
-        self._out = FlyOut(state)
+    def __init__(
+        self,
+        parameters: Parameters,
+        progress: LandingProgress,
+        texts: PilotTexts,
+        transitions: Transitions,
+        route: Route,
+        wind: LandingWind,
+        missing_inputs: MissingInputs,
+    ) -> None:
+        self.checks: tuple[Check, ...] = (
+            self.scans, self.arrival, self.point_unsafe, self.fence, self.surface, self.obstacle,
+            self.time_limit, self.fly_out, self.way_down, self.point_unseen, self.way_over,
+        )  # fmt: skip
+        self._p, self._progress, self._texts, self._transitions = parameters, progress, texts, transitions
+        self._route, self._wind, self._missing_inputs = route, wind, missing_inputs
+        self._aside = ObliqueLook(parameters, progress, texts)
+        self._closer = CloserLook(parameters, progress, texts)
+        self._out = FlyOut(parameters, progress, texts, route)
+        self._look: tuple[Vector | None, float] = None, math.inf  # of this step
         self._over_since_ns: int | None = None  # over the point, in this approach
         self._standing_since_ns: int | None = None  # over the safe point, at a safe heading
         self._warned = False  # of the surface
@@ -53,81 +75,117 @@ class Approach:
 
     def start(self, s: Situation, enu_m: Vector, zone_id: int | None) -> VehicleCommands:
         """Choose a point and turn to it."""
-        state = self._state
-        state.aim.set_target(enu_m)
-        state.aim.measure(s.position_enu_m, s.selected)
-        state.tally.zone_id, state.tally.chosen_enu_m = zone_id, state.aim.enu_m
-        state.selection.select(state.aim.enu_m)
-        self._over_since_ns = self._standing_since_ns = state.safe_since_ns = None
+        progress = self._progress
+        self._transitions.aim_at(s, enu_m)
+        progress.tally.zone_id = zone_id
+        self._over_since_ns = self._standing_since_ns = progress.safe_since_ns = None
         self._aside.reset()
         self._closer.reset()
         self._out.reset()
-        state.path = None
+        progress.path = None
         self._warned, self._refused_ns = False, None
-        ground = ground_at(s, known(state.aim.enu_m), zone_id)
+        ground = ground_at(s, known(progress.aim.enu_m), zone_id)
         named = ground if zone_id is not None else replace(ground, zone_id=None)
-        state.say(Severity.INFO, f"approaching {named.text}")
+        self._texts.say(Severity.INFO, f"approaching {named.text}")
         self._warn_of(ground.surface)
-        state.go(Phase.APPROACH, s)
+        self._transitions.enter_phase(Phase.APPROACH, s)
         return VehicleCommands(velocity_enu_ms=STOPPED)
 
-    def commands(self, s: Situation) -> VehicleCommands:
-        """Fly towards the point; descend, or break off with the reason."""
-        state = self._state
-        position, velocity = known(s.position_enu_m), known(s.velocity_enu_ms)
+    def scans(self, s: Situation) -> VehicleCommands | None:
+        """Hold without scans."""
         if not s.lidar_ok:
-            return without_lidar(state, s)
-        state.outage.on_present(s.now_ns)
-        judged = state.aim.judgement(s.selected)
-        offset = known(state.aim.enu_m)[:2] - position[:2]
-        over = state.aim.away_m < OVER_M and float(np.hypot(*velocity[:2])) < OVER_MS
-        if over and self._over_since_ns is None:
+            return self._missing_inputs.without_lidar(s)
+        self._missing_inputs.on_present(s)
+        return None
+
+    def arrival(self, s: Situation) -> None:
+        """Record the first time over the point."""
+        if self._is_over(s) and self._over_since_ns is None:
             self._over_since_ns = s.now_ns
-        if self._is_refused(s, judged):
-            return state.break_off("point unsafe" + state.cause_suffix(s), s)
-        if state.aim_is_beyond_fence(s):
-            return state.break_off("point beyond the fence", s)
-        unconfirmed = state.unconfirmed(s)
-        if unconfirmed is not None:
-            return state.break_off(f"{unconfirmed}: not confirmed", s)
-        if s.selected is not None and state.aim.is_at(s.selected):
+
+    def point_unsafe(self, s: Situation) -> VehicleCommands | None:
+        """Break off at a point that all reports of three seconds call unsafe."""
+        if not self._is_refused(s, self._progress.aim.judgement(s.selected)):
+            return None
+        reason = "point unsafe" + cause_suffix(s, self._progress, self._p)
+        return self._transitions.break_off(reason, s)
+
+    def fence(self, s: Situation) -> VehicleCommands | None:
+        """Break off at a point that the fence excludes."""
+        if not aim_is_beyond_fence(s, self._progress, self._p):
+            return None
+        return self._transitions.break_off("point beyond the fence", s)
+
+    def surface(self, s: Situation) -> VehicleCommands | None:
+        """Break off over ground that lacks its confirmation; warn of it in an emergency."""
+        surface = unconfirmed(s, self._progress, self._p)
+        if surface is not None:
+            return self._transitions.break_off(f"{surface}: not confirmed", s)
+        if s.selected is not None and self._progress.aim.is_at(s.selected):
             self._warn_of(s.selected.surface)
-        if state.way(s) is Way.TOO_HIGH:
-            return state.break_off("way blocked", s)
-        if s.now_ns > state.late_ns:
-            return state.break_off("point not reached", s)
-        if self._out.path is not None:
-            commands = self._fly_out(s)
-            if commands is not None:
-                return commands
-        look, look_ms = self._look(s, judged)
+        return None
+
+    def obstacle(self, s: Situation) -> VehicleCommands | None:
+        """Climb over an obstacle ahead; break off before one that is too high."""
+        too_high = self._route.reported_way(s, self._texts) is Way.TOO_HIGH
+        return self._transitions.break_off("way blocked", s) if too_high else None
+
+    def time_limit(self, s: Situation) -> VehicleCommands | None:
+        """Break off where the point is not reached in time."""
+        late = s.now_ns > self._progress.late_ns
+        return self._transitions.break_off("point not reached", s) if late else None
+
+    def fly_out(self, s: Situation) -> VehicleCommands | None:
+        """Fly to the beginning of the approach path that was chosen, and along it from there."""
+        return None if self._out.path is None else self._fly_out(s)
+
+    def way_down(self, s: Situation) -> VehicleCommands | None:
+        """Look at the point, turn, and begin the descent over a point that stays safe."""
+        progress, over = self._progress, self._is_over(s)
+        judged = progress.aim.judgement(s.selected)
+        self._look = look, _ = self._next_look(s, judged)
         if look is not None:
             self._over_since_ns = s.now_ns
         stands = judged is PointState.SAFE and stands_at(s.selected, s.heading_rad)
         turned = self._is_turned(s, look is None and over and stands)
         if look is not None or not (over and stands and turned):
-            state.safe_since_ns = None
-        elif state.safe_since_ns is None:
-            state.safe_since_ns = s.now_ns
-        elif s.now_ns - state.safe_since_ns > STEADY_NS:
+            progress.safe_since_ns = None
+        elif progress.safe_since_ns is None:
+            progress.safe_since_ns = s.now_ns
+        elif s.now_ns - progress.safe_since_ns > STEADY_NS:
             if not self._out.begin(s):
-                return state.break_off("no way in", s)
+                return self._transitions.break_off("no way in", s)
             if self._out.goes_down:
-                turned = is_turned(s.selected, s.heading_rad, state.into_wind.heading_rad)
-                state.say(Severity.INFO, "descending" if turned else "descending, not into the wind")
-                state.go(Phase.DESCEND, s)
-        patience_ns = WATER_NS if state.may_be_water(s) else UNSEEN_NS
+                turned = is_turned(s.selected, s.heading_rad, self._wind.into_wind.heading_rad)
+                self._texts.say(Severity.INFO, "descending" if turned else "descending, not into the wind")
+                self._transitions.enter_phase(Phase.DESCEND, s)
+        return None
+
+    def point_unseen(self, s: Situation) -> VehicleCommands | None:
+        """Break off at a point that stays unknown from above."""
+        patience_ns = WATER_NS if may_be_water(s, self._progress, self._p) else UNSEEN_NS
         unseen = self._over_since_ns is not None and s.now_ns - self._over_since_ns > patience_ns
-        if over and judged is PointState.UNKNOWN and unseen:
-            return state.break_off("point not seen" + state.water_suffix(s), s)
-        speed_ms = state.parameters.approach_speed_ms
+        unknown = self._progress.aim.judgement(s.selected) is PointState.UNKNOWN
+        if not (self._is_over(s) and unknown and unseen):
+            return None
+        return self._transitions.break_off("point not seen" + water_suffix(s, self._progress, self._p), s)
+
+    def way_over(self, s: Situation) -> VehicleCommands:
+        """Fly the look, or towards the point, and turn near it."""
+        aim, speed_ms = self._progress.aim, self._p.approach_speed_ms
+        look, look_ms = self._look
         if look is not None:
-            return state.route.commands_towards(s, look, min(look_ms, speed_ms))
-        commands = state.route.commands_towards(s, offset, speed_ms)
-        if state.aim.away_m < TURN_M and judged is PointState.SAFE:
-            into_wind_rad = state.into_wind.heading_rad
+            return self._route.commands_towards(s, look, min(look_ms, speed_ms))
+        offset = known(aim.enu_m)[:2] - known(s.position_enu_m)[:2]
+        commands = self._route.commands_towards(s, offset, speed_ms)
+        if aim.away_m < TURN_M and aim.judgement(s.selected) is PointState.SAFE:
+            into_wind_rad = self._wind.into_wind.heading_rad
             return replace(commands, yaw_rad=touchdown_heading_rad(s.selected, s.heading_rad, into_wind_rad))
         return commands
+
+    def _is_over(self, s: Situation) -> bool:
+        slow = float(np.hypot(*known(s.velocity_enu_ms)[:2])) < OVER_MS
+        return self._progress.aim.away_m < OVER_M and slow
 
     def _is_refused(self, s: Situation, judged: PointState) -> bool:
         """Return whether all reports of three seconds call the point unsafe.
@@ -141,29 +199,21 @@ class Approach:
             self._refused_ns = s.report.stamp_ns
         return s.report.stamp_ns - self._refused_ns >= REFUSED_NS
 
-    def descend_at_once(self, s: Situation) -> VehicleCommands | None:
-        """Descend over a safe point without waiting; None if the vehicle is not ready to go straight down."""
-        state = self._state
-        sloped = state.parameters.approach_path == "sloped" and not state.is_urgent
-        if state.safe_since_ns is None or sloped or state.why_not(s) is not None:
-            return None
-        state.go(Phase.DESCEND, s)
-        return VehicleCommands(velocity_enu_ms=STOPPED, target_enu_m=state.aim.on_ground_enu_m)
-
     def _fly_out(self, s: Situation) -> VehicleCommands | None:
         """Fly to the beginning of the approach path, and along it from there; None once it is given up."""
-        state, speed_ms = self._state, self._state.parameters.approach_speed_ms
         offset = self._out.offset(s)
         path = self._out.path
         if offset is not None:
-            return state.route.commands_towards(s, offset, speed_ms)
-        self._over_since_ns = self._standing_since_ns = state.safe_since_ns = None
+            return self._route.commands_towards(s, offset, self._p.approach_speed_ms)
+        self._over_since_ns = self._standing_since_ns = self._progress.safe_since_ns = None
         if path is None:  # back over the point, to choose again
-            state.restart_limit(s)
+            self._transitions.restart_limit(s)
             return None
-        state.path = path
-        state.say(Severity.INFO, f"way in from {path.bearing_deg:.0f} deg, {path.slope_deg:.0f} deg steep")
-        state.go(Phase.DESCEND, s)
+        self._progress.path = path
+        self._texts.say(
+            Severity.INFO, f"way in from {path.bearing_deg:.0f} deg, {path.slope_deg:.0f} deg steep"
+        )
+        self._transitions.enter_phase(Phase.DESCEND, s)
         return VehicleCommands(velocity_enu_ms=STOPPED, yaw_rad=path.inbound_rad)
 
     def _is_turned(self, s: Situation, stands: bool) -> bool:
@@ -177,25 +227,24 @@ class Approach:
             self._standing_since_ns = s.now_ns
         since_ns = self._standing_since_ns
         late = since_ns is not None and s.now_ns - since_ns > TURN_NS
-        return late or is_turned(s.selected, s.heading_rad, self._state.into_wind.heading_rad)
+        return late or is_turned(s.selected, s.heading_rad, self._wind.into_wind.heading_rad)
 
-    def _look(self, s: Situation, judged: PointState) -> tuple[Vector | None, float]:
+    def _next_look(self, s: Situation, judged: PointState) -> tuple[Vector | None, float]:
         """Return the offset (2,) and the greatest speed of a look at the point, which it was over before."""
-        state = self._state
+        aim = self._progress.aim
         if self._over_since_ns is None:
             return None, math.inf
-        if s.selected is not None and state.aim.is_at(s.selected):
-            target = state.aim.on_ground_enu_m
-            aside = self._aside.offset(s, target, s.selected.surface, state.aim.height_left_m)
+        if s.selected is not None and aim.is_at(s.selected):
+            target = aim.on_ground_enu_m
+            aside = self._aside.offset(s, target, s.selected.surface, aim.height_left_m)
             if aside is not None:
                 return aside, math.inf
         return self._closer.offset(s) if judged is PointState.SAFE else None, LOOK_MS
 
     def _warn_of(self, surface: SurfaceHere) -> None:
         """Warn once of ground that only an urgent landing takes without a confirmation."""
-        state = self._state
-        if self._warned or not state.is_urgent or not must_be_confirmed(surface, state.parameters):
+        if self._warned or not self._progress.is_urgent or not must_be_confirmed(surface, self._p):
             return
         self._warned = True
         article = "a " if surface.kind is SurfaceKind.ROOF else ""
-        state.say(Severity.WARNING, f"landing on {article}{surface.text}")
+        self._texts.say(Severity.WARNING, f"landing on {article}{surface.text}")

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from companion.flight.landing.interruptions.missing_input import report_input_back, without_lidar
-from companion.flight.landing.landing_state import SECOND, STUCK_NS, LandingState
+from companion.flight.landing.check_order import Check
+from companion.flight.landing.interruptions.missing_input import MissingInputs
+from companion.flight.landing.landing_progress import LandingProgress
+from companion.flight.landing.pilot_texts import PilotTexts
+from companion.flight.landing.route import Route
 from companion.flight.landing.situation import (
     STOPPED,
-    LandingRequest,
     Phase,
     Severity,
     Situation,
@@ -14,7 +16,11 @@ from companion.flight.landing.situation import (
     VehicleCommands,
     known,
 )
+from companion.flight.landing.transitions import SECOND, STUCK_NS, Transitions
+from companion.flight.landing.ways.endurance import is_battery_low
+from companion.flight.landing.ways.way_choice import corridors_of
 from companion.flight.landing.ways.way_out import WayOut
+from params import Parameters
 
 STEADY_NS = 2 * SECOND  # at survey height before the next choice
 AT_HEIGHT_M = 1.0  # below survey height
@@ -24,54 +30,78 @@ STUCK_BELOW_NS = 5 * SECOND  # under something, without a way aside
 class Climb:
     """Climbs in guided mode."""
 
-    def __init__(self, state: LandingState) -> None:
-        self._state = state
-        self._way_out = WayOut(state.parameters)
+    def __init__(
+        self,
+        parameters: Parameters,
+        progress: LandingProgress,
+        texts: PilotTexts,
+        transitions: Transitions,
+        route: Route,
+        missing_inputs: MissingInputs,
+    ) -> None:
+        self.checks: tuple[Check, ...] = (
+            self.way_up, self.input_back, self.time_limit, self.guided_mode, self.height, self.scans,
+            self.steadiness, self.next_choice,
+        )  # fmt: skip
+        self._p, self._progress, self._texts = parameters, progress, texts
+        self._transitions, self._route, self._missing_inputs = transitions, route, missing_inputs
+        self._way_out = WayOut(parameters)
+        self._up_ms: Vector = STOPPED  # (3,) velocity of this step's climb
         self._below_since_ns: int | None = None  # under something, without a way aside
 
-    def leave_landing(self, s: Situation) -> VehicleCommands:
-        """Leave a landing mode entered after it was given up: nobody chose this ground."""
-        self._state.say(Severity.WARNING, "LAND came late: climbing")
-        self._state.go(Phase.CLIMB, s)
-        return VehicleCommands(mode="guided", velocity_enu_ms=STOPPED)
-
-    def commands(self, s: Situation) -> VehicleCommands:
-        """Climb; at survey height choose again, or hold until the next order."""
-        state = self._state
-        up = self._velocity_enu_ms(s)
-        left_m = state.route.height_m - float(known(s.position_enu_m)[2])
-        if s.lidar_ok or left_m > AT_HEIGHT_M:  # climbing needs no map
-            report_input_back(state, s)
-        if left_m <= AT_HEIGHT_M:
-            state.restart_limit(s)
-        elif s.now_ns > state.late_ns:
-            state.call("not climbing", s)
-        if not s.guided:
-            return VehicleCommands(mode="guided", velocity_enu_ms=up)
-        if left_m > AT_HEIGHT_M:
-            return VehicleCommands(velocity_enu_ms=up)
-        if not s.lidar_ok:
-            return without_lidar(state, s)
-        if state.phase is Phase.HOLD or s.now_ns - state.since_ns < STEADY_NS:
-            return VehicleCommands(velocity_enu_ms=STOPPED)
-        state.say(Severity.INFO, "choosing again")
-        if state.request is not None and not state.keeps_request:
-            state.request = LandingRequest(urgent=state.request.urgent or state.is_battery_low(s))
-        state.go(Phase.SURVEY, s)
-        state.end_survey(s)
-        return VehicleCommands(velocity_enu_ms=STOPPED)
-
-    def _velocity_enu_ms(self, s: Situation) -> Vector:
-        """Return the velocity (3,) of the climb; report when it leads aside, or nowhere."""
-        state, aside = self._state, self._way_out.leads_aside
-        velocity = self._way_out.velocity_enu_ms(s, known(s.position_enu_m), state.path, state.corridors(s))
+    def way_up(self, s: Situation) -> None:
+        """Determine the velocity of the climb; report when it leads aside, or nowhere."""
+        aside, corridors = self._way_out.leads_aside, corridors_of(s, self._progress.aim)
+        position = known(s.position_enu_m)
+        self._up_ms = self._way_out.velocity_enu_ms(s, position, self._progress.path, corridors)
         if self._way_out.leads_aside and not aside:
-            state.say(Severity.WARNING, "something above: leaving aside")
+            self._texts.say(Severity.WARNING, "something above: leaving aside")
         if not s.blocked_above or self._way_out.leads_aside:
             self._below_since_ns = None
         elif self._below_since_ns is None:
             self._below_since_ns = s.now_ns
         elif s.now_ns - self._below_since_ns > STUCK_BELOW_NS:
             self._below_since_ns = s.now_ns + STUCK_NS
-            state.call("something above, no way aside", s)
-        return velocity
+            self._transitions.call_pilot("something above, no way aside", s)
+
+    def input_back(self, s: Situation) -> None:
+        """Report the input of a call that is back; climbing needs no map."""
+        if s.lidar_ok or self._is_below(s):
+            self._missing_inputs.report_back(s)
+
+    def time_limit(self, s: Situation) -> None:
+        """Call the pilot where the vehicle does not climb in time."""
+        if not self._is_below(s):
+            self._transitions.restart_limit(s)
+        elif s.now_ns > self._progress.late_ns:
+            self._transitions.call_pilot("not climbing", s)
+
+    def guided_mode(self, s: Situation) -> VehicleCommands | None:
+        """Request the guided mode."""
+        return None if s.guided else VehicleCommands(mode="guided", velocity_enu_ms=self._up_ms)
+
+    def height(self, s: Situation) -> VehicleCommands | None:
+        """Climb to survey height."""
+        return VehicleCommands(velocity_enu_ms=self._up_ms) if self._is_below(s) else None
+
+    def scans(self, s: Situation) -> VehicleCommands | None:
+        """Hold without scans."""
+        return None if s.lidar_ok else self._missing_inputs.without_lidar(s)
+
+    def steadiness(self, s: Situation) -> VehicleCommands | None:
+        """Hover in a hold, and for a while before the next choice."""
+        holds = self._progress.phase is Phase.HOLD or s.now_ns - self._progress.since_ns < STEADY_NS
+        return VehicleCommands(velocity_enu_ms=STOPPED) if holds else None
+
+    def next_choice(self, s: Situation) -> VehicleCommands:
+        """Choose again by the present map."""
+        progress = self._progress
+        self._texts.say(Severity.INFO, "choosing again")
+        if progress.request is not None and not progress.keeps_request:
+            self._transitions.replace_request(progress.request.urgent or is_battery_low(s, self._p))
+        self._transitions.enter_phase(Phase.SURVEY, s)
+        self._transitions.end_survey(s)
+        return VehicleCommands(velocity_enu_ms=STOPPED)
+
+    def _is_below(self, s: Situation) -> bool:
+        return self._route.height_m - float(known(s.position_enu_m)[2]) > AT_HEIGHT_M

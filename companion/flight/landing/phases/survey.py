@@ -6,10 +6,15 @@ from functools import partial
 
 import numpy as np
 
-from companion.flight.landing.interruptions.missing_input import without_lidar
-from companion.flight.landing.landing_state import SECOND, LandingState
+from companion.flight.landing.check_order import Check
+from companion.flight.landing.fenced_zones import FencedZones, beyond_fence
+from companion.flight.landing.interruptions.missing_input import MissingInputs
+from companion.flight.landing.landing_progress import LandingProgress
+from companion.flight.landing.landing_wind import LandingWind, gust_drift_m
 from companion.flight.landing.looks.oblique_look import ObliqueLook
 from companion.flight.landing.phases.approach import Approach
+from companion.flight.landing.pilot_texts import PilotTexts
+from companion.flight.landing.route import Route
 from companion.flight.landing.situation import (
     STOPPED,
     Phase,
@@ -19,99 +24,147 @@ from companion.flight.landing.situation import (
     VehicleCommands,
     known,
 )
-from companion.flight.landing.wind.gust_drift import gust_drift_m
-from companion.flight.landing.zone_choice import choose, confirmable, look_at
+from companion.flight.landing.transitions import SECOND, Transitions
+from companion.flight.landing.zone_choice import SoonestZone, choose, confirmable, look_at
+from params import Parameters
 from slz import SurfaceHere, Zone
 
 SEARCH_NS = 300 * SECOND  # beyond `survey_s`, before the pilot is called
 ASK_AGAIN_NS = 30 * SECOND  # for the confirmation of a zone
 MOST_LOOKS, APART_M = 3, 50.0  # from aside, in one survey, and between them
-TAKE_OVER_NS = 5 * SECOND  # limit for the autopilot to obey an emergency
 
 
 class Survey:
     """Searches for a zone and hands it to the approach."""
 
-    def __init__(self, state: LandingState, approach: Approach) -> None:
-        self._state, self._approach = state, approach
+    def __init__(
+        self,
+        parameters: Parameters,
+        progress: LandingProgress,
+        texts: PilotTexts,
+        transitions: Transitions,
+        route: Route,
+        wind: LandingWind,
+        missing_inputs: MissingInputs,
+        fenced: FencedZones,
+        soonest: SoonestZone,
+        approach: Approach,
+    ) -> None:
+        self.checks: tuple[Check, ...] = (
+            self.guided_mode, self.position, self.scans, self.wind, self.ordered_point, self.zone,
+            self.question, self.search_time, self.look_aside, self.corner,
+        )  # fmt: skip
+        self._p, self._progress, self._texts = parameters, progress, texts
+        self._transitions, self._route, self._wind = transitions, route, wind
+        self._missing_inputs, self._fenced, self._soonest = missing_inputs, fenced, soonest
+        self._approach, self._aside = approach, ObliqueLook(parameters, progress, texts)
         self._asked_ns: int | None = None
-        self._aside = ObliqueLook(state)
         self._looked: list[tuple[Vector, SurfaceHere]] = []  # places in this survey, and their surface then
         self._looked_since_ns = 0
 
-    def commands(self, s: Situation) -> VehicleCommands:
-        """Fly to the next corner of the search, or approach the zone that is chosen now."""
-        state = self._state
-        if not s.guided:
-            return self.take_over(s)
-        if not state.route.begun:
-            state.start_survey(s)
-            return VehicleCommands(velocity_enu_ms=STOPPED)
-        if not s.lidar_ok:
-            return without_lidar(state, s)
-        state.outage.on_present(s.now_ns)
-        if state.too_windy(s) and (
-            self._has_lasted(s) or (state.request and state.request.enu_m is not None)
-        ):
-            return self._wait_for_less_wind(s)
-        if state.request is not None and state.request.enu_m is not None:
-            return self._approach.start(s, state.request.enu_m, state.request.zone_id)
-        zone = self._choice(s)
-        if zone is not None:
-            return self._approach.start(s, zone.best.enu_m, zone.id)
-        self._ask(s)
-        if s.now_ns - state.since_ns > round(state.parameters.survey_s * 1e9) + SEARCH_NS:
-            state.say(Severity.CRITICAL, "no zone found: take over")
-            state.go(Phase.HOLD, s)
-            return VehicleCommands(velocity_enu_ms=STOPPED)
-        position = known(s.position_enu_m)
-        aside = self._look_aside(s)
-        if aside is not None:
-            return state.route.commands_towards(s, aside, state.parameters.approach_speed_ms)
-        offset = state.route.to_corner(position, state.way(s), s.fence)
-        return state.route.commands_towards(s, offset, state.parameters.survey_speed_ms)
+    def guided_mode(self, s: Situation) -> VehicleCommands | None:
+        """Request the guided mode after an emergency order."""
+        return None if s.guided else self._transitions.take_over(s)
 
-    def take_over(self, s: Situation) -> VehicleCommands:
-        """Request the guided mode after an emergency order; give up if the autopilot refuses."""
-        if s.now_ns - self._state.started_ns > TAKE_OVER_NS:
-            self._state.say(Severity.CRITICAL, f"{s.mode} stays: not landing")
-            self._state.rest(Phase.IDLE, s)
-            return VehicleCommands()
-        return VehicleCommands(mode="guided", velocity_enu_ms=STOPPED)
-
-    def _wait_for_less_wind(self, s: Situation) -> VehicleCommands:
-        """Hover; the time to search for a zone begins when the wind is less."""
-        self._state.report_wind(s)
-        self._state.end_survey(s)
+    def position(self, s: Situation) -> VehicleCommands | None:
+        """Begin the search where the position is known since this step."""
+        if self._route.begun:
+            return None
+        self._transitions.start_survey(s)
         return VehicleCommands(velocity_enu_ms=STOPPED)
+
+    def scans(self, s: Situation) -> VehicleCommands | None:
+        """Hold without scans."""
+        if not s.lidar_ok:
+            return self._missing_inputs.without_lidar(s)
+        self._missing_inputs.on_present(s)
+        return None
+
+    def wind(self, s: Situation) -> VehicleCommands | None:
+        """Hover in too strong a wind; the time to search for a zone begins when the wind is less."""
+        request = self._progress.request
+        if not self._wind.too_windy(s) or not (
+            self._has_lasted(s) or (request and request.enu_m is not None)
+        ):
+            return None
+        self._wind.report(s)
+        self._transitions.end_survey(s)
+        return VehicleCommands(velocity_enu_ms=STOPPED)
+
+    def ordered_point(self, s: Situation) -> VehicleCommands | None:
+        """Approach the point that was ordered."""
+        request = self._progress.request
+        if request is None or request.enu_m is None:
+            return None
+        return self._approach.start(s, request.enu_m, request.zone_id)
+
+    def zone(self, s: Situation) -> VehicleCommands | None:
+        """Approach the zone that is chosen now."""
+        zone = self._choice(s)
+        return None if zone is None else self._approach.start(s, zone.best.enu_m, zone.id)
+
+    def question(self, s: Situation) -> None:
+        """Report now and then a zone to confirm, or one beyond the fence, if no other was found."""
+        if s.report is None or not self._has_lasted(s):
+            return
+        if self._asked_ns is not None and 0 <= s.now_ns - self._asked_ns < ASK_AGAIN_NS:
+            return
+        zone = confirmable(s.report.zones, self._p, partial(self._fenced.is_inside, s))
+        if zone is not None:
+            self._asked_ns = s.now_ns
+            self._texts.say(Severity.WARNING, f"zone {zone.id}: {zone.best.surface.text}: confirm")
+            return
+        zone = choose(s.report.zones, self._progress.refused, self._p)
+        outside = "" if zone is None else beyond_fence(s, self._p, zone.best.enu_m, zone.id)
+        if outside:
+            self._asked_ns = s.now_ns
+            self._texts.say(Severity.WARNING, f"{outside} beyond the fence")
+
+    def search_time(self, s: Situation) -> VehicleCommands | None:
+        """Hover and call the pilot after a long search."""
+        if s.now_ns - self._progress.since_ns <= round(self._p.survey_s * 1e9) + SEARCH_NS:
+            return None
+        self._texts.say(Severity.CRITICAL, "no zone found: take over")
+        self._transitions.enter_phase(Phase.HOLD, s)
+        return VehicleCommands(velocity_enu_ms=STOPPED)
+
+    def look_aside(self, s: Situation) -> VehicleCommands | None:
+        """Look from aside at ground below that may be water and is no zone."""
+        offset = self._aside_offset(s)
+        return None if offset is None else self._route.commands_towards(s, offset, self._p.approach_speed_ms)
+
+    def corner(self, s: Situation) -> VehicleCommands:
+        """Fly to the next corner of the search."""
+        way = self._route.reported_way(s, self._texts)
+        offset = self._route.to_corner(known(s.position_enu_m), way, s.fence)
+        return self._route.commands_towards(s, offset, self._p.survey_speed_ms)
 
     def _choice(self, s: Situation) -> Zone | None:
         """Return the zone to fly to once the survey has lasted: a near one, else one to be looked at.
 
         The latter is a zone of the far map, or of the survey prior.
         """
-        state, p = self._state, self._state.parameters
-        if s.report is None or not (state.is_urgent or self._has_lasted(s)):
+        progress, p = self._progress, self._p
+        if s.report is None or not (progress.is_urgent or self._has_lasted(s)):
             return None
-        if state.is_urgent:
-            return state.soonest_zone(s)
-        drift_m = gust_drift_m(s.wind)
-        inside = partial(state.is_inside_fence, s)
+        if progress.is_urgent:
+            return self._soonest.zone(s)
+        drift_m, inside = gust_drift_m(s.wind), partial(self._fenced.is_inside, s)
         return (
-            choose(s.report.zones, state.refused, p, drift_m, inside)
-            or choose(s.report.far.zones, state.refused, p, drift_m, inside)
-            or look_at(s.report, state.refused, p, inside)
+            choose(s.report.zones, progress.refused, p, drift_m, inside)
+            or choose(s.report.far.zones, progress.refused, p, drift_m, inside)
+            or look_at(s.report, progress.refused, p, inside)
         )
 
     def _has_lasted(self, s: Situation) -> bool:
-        return s.now_ns - self._state.since_ns >= self._state.parameters.survey_s * 1e9
+        return s.now_ns - self._progress.since_ns >= self._p.survey_s * 1e9
 
-    def _look_aside(self, s: Situation) -> Vector | None:
-        """Return the offset (2,) of a look from aside at ground below that may be water and is no zone."""
+    def _aside_offset(self, s: Situation) -> Vector | None:
+        """Return the offset (2,) of the look from aside, None without one."""
         if s.report is None or not self._has_lasted(s):
             return None
-        if self._looked_since_ns != self._state.since_ns:
-            self._looked_since_ns = self._state.since_ns
+        if self._looked_since_ns != self._progress.since_ns:
+            self._looked_since_ns = self._progress.since_ns
             self._looked.clear()
             self._aside.reset()
         height_m = s.report.choice.height_m
@@ -128,21 +181,3 @@ class Survey:
         if offset is not None:
             self._looked.append((position.copy(), s.below))
         return offset
-
-    def _ask(self, s: Situation) -> None:
-        """Tell the pilot now and then of a zone to confirm, or beyond the fence, if no other was found."""
-        if s.report is None or not self._has_lasted(s):
-            return
-        if self._asked_ns is not None and 0 <= s.now_ns - self._asked_ns < ASK_AGAIN_NS:
-            return
-        state = self._state
-        zone = confirmable(s.report.zones, state.parameters, partial(state.is_inside_fence, s))
-        if zone is not None:
-            self._asked_ns = s.now_ns
-            state.say(Severity.WARNING, f"zone {zone.id}: {zone.best.surface.text}: confirm")
-            return
-        zone = choose(s.report.zones, state.refused, state.parameters)
-        outside = "" if zone is None else state.beyond_fence(s, zone.best.enu_m, zone.id)
-        if outside:
-            self._asked_ns = s.now_ns
-            state.say(Severity.WARNING, f"{outside} beyond the fence")

@@ -7,10 +7,14 @@ from __future__ import annotations
 
 import math
 
-from companion.flight.landing.landing_state import SECOND, STUCK_NS, LandingState
+from companion.flight.landing.landing_progress import LandingProgress
+from companion.flight.landing.pilot_texts import PilotTexts
+from companion.flight.landing.route import Route
 from companion.flight.landing.situation import Severity, Situation, Vector, known
+from companion.flight.landing.transitions import SECOND, STUCK_NS
 from companion.flight.landing.ways.approach_path import ApproachPath
-from companion.flight.landing.ways.way_choice import paths, state_of, straight_down_is_blocked
+from companion.flight.landing.ways.way_choice import corridors_of, paths, state_of, straight_down_is_blocked
+from params import Parameters
 from slz import SAFE, UNKNOWN, UNSAFE, Corridors
 
 AT_ENTRY_M = 3.0
@@ -29,8 +33,10 @@ class FlyOut:
         The way in is straight down.
     """
 
-    def __init__(self, state: LandingState) -> None:
-        self._state = state
+    def __init__(
+        self, parameters: Parameters, progress: LandingProgress, texts: PilotTexts, route: Route
+    ) -> None:
+        self._p, self._progress, self._texts, self._route = parameters, progress, texts, route
         self.reset()
 
     def reset(self) -> None:
@@ -42,24 +48,24 @@ class FlyOut:
 
     def begin(self, s: Situation) -> bool:
         """Choose a way in from over the point; return whether there is one."""
-        state = self._state
-        corridors = state.corridors(s)
+        corridors = corridors_of(s, self._progress.aim)
         blocked = straight_down_is_blocked(corridors)
-        sloped = state.parameters.approach_path == "sloped" or blocked
+        sloped = self._p.approach_path == "sloped" or blocked
         self.path, self._at_entry_ns = None, None
-        if state.is_urgent or corridors is None or not sloped:
+        if self._progress.is_urgent or corridors is None or not sloped:
             self.goes_down = True
             return True
         look = len(self._tried_deg) < MOST_TRIED
         self.path = next(iter(self._paths(s, corridors, int(UNKNOWN if look else SAFE))), None)
         if self.path is not None:
             length_m = self.path.length_m
-            state.late_ns = s.now_ns + STUCK_NS + round(2e9 * length_m / state.parameters.approach_speed_ms)
-            state.say(Severity.INFO, f"flying out to {self.path.bearing_deg:.0f} deg for the approach")
+            way_ns = round(2e9 * length_m / self._p.approach_speed_ms)
+            self._progress.late_ns = s.now_ns + STUCK_NS + way_ns
+            self._texts.say(Severity.INFO, f"flying out to {self.path.bearing_deg:.0f} deg for the approach")
             return True
         if blocked:
             return False
-        state.say(Severity.NOTICE, "no clear way in: straight down")
+        self._texts.say(Severity.NOTICE, "no clear way in: straight down")
         self.goes_down = True
         return True
 
@@ -69,13 +75,13 @@ class FlyOut:
         Where something stands in it, or its air stays unseen, a steeper one of its bearing replaces it; with
         none it is given up, and `path` None.
         """
-        if self._state.is_urgent:  # the battery became low meanwhile: back, and straight down
+        if self._progress.is_urgent:  # the battery became low meanwhile: back, and straight down
             self.path = None
-        path, corridors = self.path, self._state.corridors(s)
+        path, corridors = self.path, corridors_of(s, self._progress.aim)
         if path is None:
             return None
         state = int(UNKNOWN) if corridors is None else state_of(corridors, path)
-        offset = path.entry_offset_m(known(s.position_enu_m), self._state.aim.on_ground_enu_m)
+        offset = path.entry_offset_m(known(s.position_enu_m), self._progress.aim.on_ground_enu_m)
         if math.hypot(*offset) >= AT_ENTRY_M and self._at_entry_ns is None:
             if state != UNSAFE:
                 return offset
@@ -90,7 +96,7 @@ class FlyOut:
 
     def _steeper(self, s: Situation, path: ApproachPath, least_state: int) -> Vector | None:
         """Go on with a steeper path of the same bearing, or give that bearing up."""
-        corridors = self._state.corridors(s)
+        corridors = corridors_of(s, self._progress.aim)
         found = [] if corridors is None else self._paths(s, corridors, least_state)
         self._at_entry_ns = None
         self.path = next((one for one in found if one.bearing_deg == path.bearing_deg), None)
@@ -99,13 +105,12 @@ class FlyOut:
         return self.offset(s)
 
     def _paths(self, s: Situation, corridors: Corridors, least_state: int) -> list[ApproachPath]:
-        state = self._state
         return paths(
             corridors,
-            state.parameters,
+            self._p,
             least_state=least_state,
-            route_over_point_m=state.route.height_m - float(state.aim.on_ground_enu_m[2]),
-            wind=s.wind if state.parameters.into_wind == "on" else None,
+            route_over_point_m=self._route.height_m - float(self._progress.aim.on_ground_enu_m[2]),
+            wind=s.wind if self._p.into_wind == "on" else None,
             position_enu_m=known(s.position_enu_m),
             tried_deg=self._tried_deg,
             fence=s.fence,

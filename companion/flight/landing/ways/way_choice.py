@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 
 from companion.flight.geometry.geofence import NO_FENCE, Geofence
 from companion.flight.geometry.wind import Wind
-from companion.flight.landing.situation import Vector
+from companion.flight.landing.aim import Aim
+from companion.flight.landing.landing_wind import FROM_MS
+from companion.flight.landing.route import Route
+from companion.flight.landing.situation import Situation, Vector
 from companion.flight.landing.ways.approach_path import ApproachPath, hover_height_m
-from companion.flight.landing.wind.into_wind import FROM_MS
 from params import Parameters
-from slz import SAFE, UNSAFE, Corridors
+from slz import SAFE, UNSAFE, Corridors, SelectedPoint
 
 WIND_CLASS_DEG = 15.0  # bearings as near to the wind's as this are alike, and the less steep one is flown
 TRIED_WITHIN_DEG = 12.5  # of a bearing that was flown out along in vain
@@ -67,6 +69,44 @@ def paths(
         unseen = float(states[index] != SAFE)
         found.append(((*_effort(path, corridors, wind, position_enu_m, outbound), unseen), path))
     return [path for _, path in sorted(found, key=lambda one: one[0])]
+
+
+class WaysOfPoint:
+    """Best sloped clear ways in to the selected point and out of it, determined once per report."""
+
+    def __init__(self, parameters: Parameters, route: Route) -> None:
+        self._p, self._route = parameters, route
+        self._of: SelectedPoint | None = None
+        self._found: tuple[ApproachPath | None, ApproachPath | None] = None, None
+
+    def in_and_out(self, s: Situation) -> tuple[ApproachPath | None, ApproachPath | None]:
+        """Return the way in and the way out, None for one that does not exist."""
+        selected, p = s.selected, self._p
+        if selected is None or selected.corridors is None:
+            return None, None
+        if selected is self._of:
+            return self._found
+        up_m = self._route.height_m - float(selected.enu_m[2])
+        inward, outward = (
+            paths(
+                selected.corridors,
+                p,
+                least_state=int(SAFE),
+                route_over_point_m=max(up_m, p.survey_height_m),
+                wind=s.wind if p.into_wind == "on" else None,
+                outbound=outbound,
+                fence=s.fence,
+            )
+            for outbound in (False, True)
+        )
+        self._of, self._found = selected, (next(iter(inward), None), next(iter(outward), None))
+        return self._found
+
+
+def corridors_of(s: Situation, aim: Aim) -> Corridors | None:
+    """Return the ways in and out of the target point in the newest report, None while they are not judged."""
+    selected = s.selected
+    return None if selected is None or not aim.is_at(selected) else selected.corridors
 
 
 def straight_down_is_blocked(corridors: Corridors | None) -> bool:

@@ -46,7 +46,7 @@ class Cockpit:
         monkeypatch.setattr(self.companion.link, "send", self.sent.append)
         monkeypatch.setattr(self.companion.link, "set_mode", self._set_mode)
         monkeypatch.setattr(self.companion.executive, "step", lambda _situation: self.commands)
-        self.companion.executive.state.phase = Phase.CLIMB
+        self.companion.executive.progress.phase = Phase.CLIMB
 
     async def _set_mode(self, name: str) -> CommandResult:
         self.asked.append(name)
@@ -100,13 +100,13 @@ async def test_the_landing_mode_is_asked_for_no_more_once_the_landing_is_broken_
 ) -> None:
     """A try after that would land the vehicle where it is."""
     async with cockpit(monkeypatch) as seat:
-        seat.companion.executive.state.phase = Phase.FINAL
+        seat.companion.executive.progress.phase = Phase.FINAL
         seat.commands = VehicleCommands(mode="land")
         await seat.tick("GUIDED")
         seat.commands = VehicleCommands()
         await seat.tick("GUIDED")
         assert not seat.ended
-        seat.companion.executive.state.phase = phase
+        seat.companion.executive.progress.phase = phase
         await seat.tick("GUIDED")
         assert seat.ended == ["LAND"]
 
@@ -122,7 +122,7 @@ async def test_the_guided_mode_is_asked_for_no_more_once_the_landing_is_watched_
         seat.commands = VehicleCommands()
         await seat.tick("LAND")
         assert not seat.ended
-        seat.companion.executive.state.phase = Phase.FINAL
+        seat.companion.executive.progress.phase = Phase.FINAL
         await seat.tick("LAND")
         assert seat.ended == ["GUIDED"]
 

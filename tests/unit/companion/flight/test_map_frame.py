@@ -73,7 +73,7 @@ def test_far_from_its_origin_another_begins_and_the_pilot_is_told(made: Companio
 @pytest.mark.parametrize("phase", sorted(COMMANDING, key=lambda phase: phase.value))
 def test_from_the_hand_over_to_the_landing_the_frame_stays(made: Companion, phase: Phase) -> None:
     fly(made, 30.0, 2400.0)
-    frame, made.executive.state.phase = made.sensing.history.frame, phase
+    frame, made.executive.progress.phase = made.sensing.history.frame, phase
     assert not made.deciding.loop.begin_frame_if_far()
     assert made.sensing.history.frame == frame
 
@@ -81,7 +81,7 @@ def test_from_the_hand_over_to_the_landing_the_frame_stays(made: Companion, phas
 def test_the_selection_and_the_path_follow(made: Companion) -> None:
     situation = Flight([zone(1, 5.0, 5.0)]).situation
     made.executive.step(situation())
-    made.executive.select_point(POINT)
+    made.executive.orders.select_point(POINT)
     made.executive.step(situation())
     for east_m in (0.0, 1000.0, 2398.0):
         made.deciding.path.enu_m.append(np.array([east_m, 0.0, 0.0]))

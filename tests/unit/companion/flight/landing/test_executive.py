@@ -189,10 +189,10 @@ def test_a_search_that_finds_no_zone_ends_in_a_hover_and_calls_the_pilot() -> No
 
 def test_after_a_search_without_a_zone_a_new_order_searches_anew() -> None:
     flight = Flight([], auto=False).run(1)
-    flight.executive.land_at_best(flight.situation())
+    flight.executive.orders.land_at_best(flight.situation())
     flight.until(lambda f: f.executive.phase is Phase.HOLD, 400)
     flight.zones.append(zone(1, 10, 0))
-    assert flight.executive.land_at_best(flight.situation()).accepted
+    assert flight.executive.orders.land_at_best(flight.situation()).accepted
     flight.fly_to(Phase.LANDED)
 
 
@@ -231,31 +231,31 @@ class TestOperator:
 
     def test_lands_at_the_best_zone(self) -> None:
         flight = Flight([zone(1, 20, 10)], auto=False).run(1)
-        assert flight.executive.land_at_best(flight.situation()).accepted
+        assert flight.executive.orders.land_at_best(flight.situation()).accepted
         flight.fly_to(Phase.LANDED)
         assert np.hypot(*(flight.position[:2] - [20, 10])) < 0.5
 
     def test_lands_in_the_zone_named(self) -> None:
         flight = Flight([zone(1, 5, 0, clearance=9), zone(7, -15, 3)], auto=False).run(1)
-        assert not flight.executive.land_in_zone(flight.situation(), 3).accepted
-        assert flight.executive.land_in_zone(flight.situation(), 7).accepted
+        assert not flight.executive.orders.land_in_zone(flight.situation(), 3).accepted
+        assert flight.executive.orders.land_in_zone(flight.situation(), 7).accepted
         flight.fly_to(Phase.LANDED)
         assert np.hypot(*(flight.position[:2] - [-15, 3])) < 0.5
 
     def test_unsafe_point_of_the_operator_is_refused_in_the_air(self) -> None:
         flight = Flight([], auto=False).run(1)
         flight.state = lambda _h, _p: PointState.UNSAFE
-        assert flight.executive.land_at_point(flight.situation(), np.array([5.0, 5.0, 0.0])).accepted
+        assert flight.executive.orders.land_at_point(flight.situation(), np.array([5.0, 5.0, 0.0])).accepted
         flight.run(60)
         assert Phase.DESCEND not in flight.phases
 
     def test_abort_holds_until_a_new_order(self) -> None:
         flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
-        assert flight.executive.abort(flight.situation()).accepted
+        assert flight.executive.orders.abort(flight.situation()).accepted
         flight.run(60)
         assert flight.executive.phase is Phase.HOLD
         assert flight.position[2] > 25
-        assert flight.executive.land_at_best(flight.situation()).accepted
+        assert flight.executive.orders.land_at_best(flight.situation()).accepted
         flight.fly_to(Phase.LANDED)
 
     @pytest.mark.parametrize(
@@ -265,18 +265,18 @@ class TestOperator:
     def test_orders_are_refused_with_the_reason(self, name: str, value: object, reason: str) -> None:
         flight = Flight([zone(1, 0, 0)], auto=False).run(1)
         setattr(flight, name, value)
-        reply = flight.executive.land_at_best(flight.situation())
+        reply = flight.executive.orders.land_at_best(flight.situation())
         assert not reply.accepted
         assert reason in reply.reason
 
     def test_abort_without_a_landing_is_refused(self) -> None:
         flight = Flight([], auto=False).run(1)
-        assert not flight.executive.abort(flight.situation()).accepted
+        assert not flight.executive.orders.abort(flight.situation()).accepted
 
     def test_abort_below_commit_height_is_refused_and_the_landing_goes_on(self) -> None:
         flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
         flight.until(lambda f: f.position[2] < 1.0)
-        reply = flight.executive.abort(flight.situation())
+        reply = flight.executive.orders.abort(flight.situation())
         assert not reply.accepted
         assert "below commit height" in reply.reason
         flight.fly_to(Phase.LANDED)
@@ -285,9 +285,9 @@ class TestOperator:
     @pytest.mark.parametrize("phase", [Phase.DESCEND, Phase.FINAL])
     def test_an_emergency_in_a_landing_lets_it_go_on_and_another_order_is_refused(self, phase: Phase) -> None:
         flight = Flight([zone(1, 10, 0), zone(2, 12, 0)]).fly_to(phase)
-        reply = flight.executive.land_in_zone(flight.situation(), 2)
+        reply = flight.executive.orders.land_in_zone(flight.situation(), 2)
         assert (reply.accepted, reply.reason) == (False, "descending: abort first")
-        assert flight.executive.land_now(flight.situation()).reason == "landing already"
+        assert flight.executive.orders.land_now(flight.situation()).reason == "landing already"
         flight.fly_to(Phase.LANDED)
         assert flight.position[0] == pytest.approx(10, abs=0.5)
         assert flight.executive.tally.aborts == 0
@@ -300,15 +300,15 @@ class TestOperator:
             turns.append(executive.order_count)
             return turns[-1] > turns[-2]
 
-        executive.select_zone(flight.situation(), 2)
+        executive.orders.select_zone(flight.situation(), 2)
         assert turned()
-        executive.land_at_best(flight.situation())
+        executive.orders.land_at_best(flight.situation())
         assert turned()
         flight.fly_to(Phase.DESCEND)
         assert not turned()
-        executive.abort(flight.situation())
+        executive.orders.abort(flight.situation())
         assert turned()
-        executive.land_at_best(flight.situation())
+        executive.orders.land_at_best(flight.situation())
         assert turned()
         flight.run(1).mode = "LOITER"
         flight.run(1)
@@ -317,8 +317,8 @@ class TestOperator:
     def test_there_is_no_zone_to_land_in_before_the_first_report(self) -> None:
         flight = Flight([zone(1, 10, 0)], auto=False).run(1)
         unmapped = replace(flight.situation(), report=None)
-        assert flight.executive.land_in_zone(unmapped, 1).reason == "no zone 1"
-        assert not flight.executive.select_zone(unmapped, 1).accepted
+        assert flight.executive.orders.land_in_zone(unmapped, 1).reason == "no zone 1"
+        assert not flight.executive.orders.select_zone(unmapped, 1).accepted
 
 
 def test_ground_of_a_survey_is_flown_to_and_left_again_unless_live_maps_call_it_safe() -> None:
@@ -348,6 +348,6 @@ def test_a_zone_that_was_seen_goes_before_one_of_a_survey() -> None:
 def test_in_an_emergency_a_survey_s_zone_will_do_when_nothing_else_is_known() -> None:
     flight = Flight([], auto=False)
     flight.prior_zones = [zone(100_002, 60, 0, certainty=0.5), zone(100_001, 20, 0, certainty=0.5)]
-    assert flight.executive.land_now(flight.situation()).accepted
+    assert flight.executive.orders.land_now(flight.situation()).accepted
     flight.fly_to(Phase.APPROACH)
     assert flight.executive.tally.zone_id == 100_001

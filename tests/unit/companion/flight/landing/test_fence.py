@@ -58,7 +58,7 @@ def test_an_order_to_a_zone_beyond_the_fence_is_refused(fence: Geofence, reason:
     flight = Flight([NEAR, FAR], auto=False)
     flight.fence = fence
     flight.step()
-    reply = flight.executive.land_in_zone(flight.situation(), 2)
+    reply = flight.executive.orders.land_in_zone(flight.situation(), 2)
     assert (reply.accepted, reply.reason) == (reason == "landing", reason)
     assert len(f"SLZ: {reply.reason}") <= 50
 
@@ -68,10 +68,10 @@ def test_an_order_to_a_point_and_the_confirmation_of_a_selection_are_refused_too
     flight.fence = circle(25)
     flight.step()
     point = np.array([0.0, 33.0, 0.0])
-    assert flight.executive.land_at_point(flight.situation(), point).reason == "point beyond the fence"
-    assert flight.executive.select_point(point).accepted  # it is only watched
+    assert flight.executive.orders.land_at_point(flight.situation(), point).reason == "point beyond the fence"
+    assert flight.executive.orders.select_point(point).accepted  # it is only watched
     flight.run(1)
-    assert flight.executive.land_at_selected(flight.situation()).reason == "point beyond the fence"
+    assert flight.executive.orders.land_at_selected(flight.situation()).reason == "point beyond the fence"
     assert flight.executive.phase is Phase.IDLE
 
 
@@ -84,7 +84,7 @@ def test_a_zone_beyond_the_fence_is_never_chosen(urgent: bool) -> None:
     flight.fence = circle(25)
     flight.run(1)
     if urgent:
-        assert flight.executive.land_now(flight.situation()).accepted
+        assert flight.executive.orders.land_now(flight.situation()).accepted
     flight.fly_to(Phase.LANDED)
     assert np.hypot(*(flight.position[:2] - [-12, 4])) < 1
 

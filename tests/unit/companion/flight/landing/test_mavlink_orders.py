@@ -26,6 +26,7 @@ class Executive:
     def __init__(self) -> None:
         self.asked: list[tuple[Any, ...]] = []
         self.order_count = 0
+        self.orders = self
 
     def __getattr__(self, name: str) -> Any:
         def order(*given: Any) -> Reply:

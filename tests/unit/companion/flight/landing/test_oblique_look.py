@@ -92,7 +92,7 @@ def test_ground_that_stays_unknown_as_water_is_left_soon_after_the_look() -> Non
 
 def test_an_emergency_takes_no_look() -> None:
     flight = over_wet_ground(0.04).run(3)
-    flight.executive.land_now(flight.situation())
+    flight.executive.orders.land_now(flight.situation())
     flight.fly_to(Phase.LANDED)
     assert not looking(flight)
 
@@ -149,8 +149,8 @@ def test_ground_below_that_is_not_suspected_is_not_looked_at() -> None:
 def test_every_new_survey_may_look_again() -> None:
     flight = surveying(0.3).until(looking)
     flight.run(20)
-    flight.executive.abort(flight.situation())
+    flight.executive.orders.abort(flight.situation())
     flight.run(3)
-    flight.executive.land_at_best(flight.situation())
+    flight.executive.orders.land_at_best(flight.situation())
     flight.run(3)
     assert flight.texts.count(TEXT) == 2

@@ -35,7 +35,7 @@ def test_after_an_abort_low_down_it_climbs_and_then_holds() -> None:
     flight = Flight([zone(1, 20, 0)])
     while flight.executive.phase is not Phase.FINAL:
         flight.step()
-    flight.executive.abort(flight.situation())
+    flight.executive.orders.abort(flight.situation())
     words = told(flight)
     assert flight.executive.phase is Phase.HOLD
     assert flight.executive.outlook(flight.situation()).phase is Phase.CLIMB

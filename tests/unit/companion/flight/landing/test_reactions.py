@@ -135,7 +135,7 @@ def _call(flight: Flight) -> str:
 @pytest.mark.parametrize("lost", [MissingInput.LIDAR_LOST, MissingInput.POSITION_LOST])
 def test_what_is_lost_while_it_hovers_is_told_too(lost: MissingInput) -> None:
     flight = Flight([zone(1, 10, 0)]).fly_to(Phase.APPROACH)
-    flight.executive.abort(flight.situation())
+    flight.executive.orders.abort(flight.situation())
     flight.run(5)
     flight.lost, flight.lidar_ok, flight.blind = lost, False, lost is MissingInput.POSITION_LOST
     flight.run(11)
@@ -235,18 +235,18 @@ def test_a_selection_lost_with_the_map_is_said_to_be_lost_and_another_can_be_mad
     flight = Flight([zone(1, 20, 0), zone(2, -10, 0)], auto=aborted)
     if aborted:
         flight.fly_to(Phase.DESCEND)
-        flight.executive.abort(flight.situation())
+        flight.executive.orders.abort(flight.situation())
         flight.run(10)
-    assert flight.executive.select_zone(flight.situation(), 2).accepted
+    assert flight.executive.orders.select_zone(flight.situation(), 2).accepted
     flight.run(2)
     flight.jump(5.0, 0, 0)
     flight.run(5)
     assert flight.texts[-1] == "SLZ: selection lost: select again"
     assert flight.texts.count("SLZ: selection lost: select again") == 1
-    assert flight.executive.land_at_selected(flight.situation()).reason == "nothing selected"
-    assert flight.executive.select_zone(flight.situation(), 1).accepted
+    assert flight.executive.orders.land_at_selected(flight.situation()).reason == "nothing selected"
+    assert flight.executive.orders.select_zone(flight.situation(), 1).accepted
     flight.run(2)
-    assert flight.executive.land_at_selected(flight.situation()).accepted
+    assert flight.executive.orders.land_at_selected(flight.situation()).accepted
     flight.fly_to(Phase.APPROACH)
 
 
@@ -337,7 +337,7 @@ def test_a_hand_over_with_a_low_battery_lands_at_the_nearest_zone_at_once(auto: 
     flight.battery_pct = 14.0
     flight.run(1)
     if not auto:
-        flight.executive.land_at_best(flight.situation())
+        flight.executive.orders.land_at_best(flight.situation())
     flight.fly_to(Phase.LANDED)
     assert flight.position[0] == pytest.approx(-8, abs=0.5)
 
@@ -369,7 +369,7 @@ def test_a_battery_low_since_the_descent_is_told_when_that_is_broken_off() -> No
     flight = Flight([zone(1, 10, 0)]).fly_to(Phase.DESCEND)
     flight.battery_pct = 10.0
     flight.run(1)
-    flight.executive.abort(flight.situation())
+    flight.executive.orders.abort(flight.situation())
     flight.run(5)
     assert sum("battery low" in text for text in flight.texts) == 1
 
@@ -413,7 +413,7 @@ def test_a_low_battery_where_no_zone_is_left_goes_on_to_the_point_that_was_chose
 def test_a_low_battery_without_a_zone_calls_the_pilot_again_and_again(auto: bool) -> None:
     flight = Flight([], auto=auto).run(1)
     if not auto:
-        flight.executive.land_at_best(flight.situation())
+        flight.executive.orders.land_at_best(flight.situation())
     flight.fly_to(Phase.SURVEY).run(20)
     flight.battery_pct = 14.0
     flight.run(1)
@@ -447,7 +447,7 @@ def test_a_new_battery_is_watched_anew() -> None:
 
 def test_after_the_operator_s_abort_a_low_battery_commands_nothing_new() -> None:
     flight = Flight([zone(1, 10, 0)]).fly_to(Phase.DESCEND)
-    flight.executive.abort(flight.situation())
+    flight.executive.orders.abort(flight.situation())
     flight.battery_pct = 10.0
     flight.run(60)
     assert flight.executive.phase is Phase.HOLD
@@ -494,7 +494,7 @@ def test_an_emergency_lands_at_the_nearest_zone_from_any_mode(mode: str) -> None
     flight = Flight([zone(1, 60, 0, clearance=9), zone(2, -10, 0)], auto=False)
     flight.mode = mode
     flight.run(1)
-    assert flight.executive.land_now(flight.situation()).accepted
+    assert flight.executive.orders.land_now(flight.situation()).accepted
     flight.fly_to(Phase.LANDED)
     assert flight.position[0] == pytest.approx(-10, abs=0.5)
     assert flight.executive.tally.hands_off == 0
@@ -504,7 +504,7 @@ def test_an_emergency_goes_towards_a_far_zone_where_there_is_no_near_one() -> No
     flight = Flight([], auto=False)
     flight.far_zones = [zone(3, 50, 0), zone(4, -20, 0)]
     flight.run(1)
-    flight.executive.land_now(flight.situation())
+    flight.executive.orders.land_now(flight.situation())
     flight.until(lambda f: f.executive.phase is Phase.APPROACH)
     assert flight.executive.tally.zone_id == 4
 
@@ -513,7 +513,7 @@ def test_an_emergency_ends_when_the_pilot_chooses_another_mode() -> None:
     flight = Flight([zone(1, 60, 0)], auto=False)
     flight.mode, flight.obeys = "LOITER", False
     flight.run(1)
-    flight.executive.land_now(flight.situation())
+    flight.executive.orders.land_now(flight.situation())
     flight.run(1)
     flight.mode = "ALT_HOLD"
     before = len(flight.commands)
@@ -525,7 +525,7 @@ def test_an_emergency_is_given_up_when_the_autopilot_refuses_the_mode() -> None:
     flight = Flight([zone(1, 60, 0)], auto=False)
     flight.mode, flight.obeys = "LOITER", False
     flight.run(1)
-    flight.executive.land_now(flight.situation())
+    flight.executive.orders.land_now(flight.situation())
     flight.run(20)
     assert flight.executive.phase is Phase.IDLE
     assert any("LOITER stays" in text for text in flight.texts)
@@ -536,7 +536,7 @@ def test_an_emergency_without_a_position_is_given_up_too() -> None:
     flight.mode, flight.obeys = "LOITER", False
     flight.run(1)
     flight.blind = True
-    flight.executive.land_now(flight.situation())
+    flight.executive.orders.land_now(flight.situation())
     flight.run(20)
     assert flight.executive.phase is Phase.IDLE
     assert not is_commanding(flight.commands[-1][-1])
@@ -546,9 +546,9 @@ def test_an_emergency_aborted_before_the_mode_changed_leaves_the_mode_alone() ->
     flight = Flight([zone(1, 60, 0)], auto=False)
     flight.mode, flight.obeys = "LOITER", False
     flight.run(1)
-    flight.executive.land_now(flight.situation())
+    flight.executive.orders.land_now(flight.situation())
     flight.run(0.5)
-    assert flight.executive.abort(flight.situation()).accepted
+    assert flight.executive.orders.abort(flight.situation()).accepted
     before = len(flight.commands)
     flight.run(20)
     assert not any(is_commanding(commands) for *_, commands in flight.commands[before:])
@@ -556,12 +556,12 @@ def test_an_emergency_aborted_before_the_mode_changed_leaves_the_mode_alone() ->
 
 def test_an_order_without_a_position_begins_where_the_vehicle_is_then() -> None:
     flight = Flight([], auto=False, height=60.0).run(1)
-    flight.executive.land_at_best(flight.situation())
+    flight.executive.orders.land_at_best(flight.situation())
     flight.run(1)
     flight.mode = "LOITER"
     flight.run(1)
     flight.mode, flight.position, flight.blind = "GUIDED", np.array([500.0, 0.0, 20.0]), True
-    flight.executive.land_at_best(flight.situation())
+    flight.executive.orders.land_at_best(flight.situation())
     flight.run(1)
     flight.blind = False
     flight.run(5)
@@ -572,7 +572,7 @@ def test_an_order_without_a_position_begins_where_the_vehicle_is_then() -> None:
 def test_an_emergency_is_refused_where_nothing_flies(name: str, value: object) -> None:
     flight = Flight([zone(1, 0, 0)], auto=False).run(1)
     setattr(flight, name, value)
-    assert not flight.executive.land_now(flight.situation()).accepted
+    assert not flight.executive.orders.land_now(flight.situation()).accepted
 
 
 # ---- modes on their way --------------------------------------------------------------------------
@@ -605,7 +605,7 @@ def test_a_landing_mode_that_shows_when_it_already_looks_elsewhere_is_left_again
     flight.blind = True
     flight.step()
     flight.blind = False
-    flight.executive.state.go(phase, flight.situation())
+    flight.executive.progress.phase = phase
     flight.run(0.5)
     assert flight.executive.phase is phase
     flight.mode = "LAND"
@@ -663,7 +663,7 @@ def test_a_landing_mode_that_the_pilot_chooses_later_is_the_pilot_s() -> None:
 @pytest.mark.parametrize("height", [8.0, 1.0])
 def test_the_guided_mode_that_the_pilot_chooses_in_the_landing_is_the_pilot_s(height: float) -> None:
     flight = Flight([zone(1, 10, 0)], auto=False).run(1)
-    flight.executive.land_at_best(flight.situation())
+    flight.executive.orders.land_at_best(flight.situation())
     flight.fly_to(Phase.FINAL).until(lambda f: f.mode == "LAND" and f.position[2] < height)
     flight.mode = "GUIDED"
     before = len(flight.commands)
@@ -674,7 +674,7 @@ def test_the_guided_mode_that_the_pilot_chooses_in_the_landing_is_the_pilot_s(he
 
 def test_a_landing_mode_right_after_the_abort_of_a_landing_is_the_pilot_s() -> None:
     flight = Flight([zone(1, 10, 0)], final_height_m=25.0).fly_to(Phase.FINAL).run(0.3)
-    flight.executive.abort(flight.situation())
+    flight.executive.orders.abort(flight.situation())
     flight.run(1)
     assert flight.mode == "GUIDED"
     flight.mode = "LAND"
@@ -696,39 +696,39 @@ def test_a_landing_mode_that_is_refused_leaves_the_vehicle_where_it_is() -> None
 
 def test_a_zone_is_selected_and_then_confirmed() -> None:
     flight = Flight([zone(1, 20, 0, clearance=9), zone(2, -10, 0)], auto=False).run(1)
-    assert not flight.executive.land_at_selected(flight.situation()).accepted
-    assert not flight.executive.select_zone(flight.situation(), 9).accepted
-    assert flight.executive.select_zone(flight.situation(), 2).accepted
+    assert not flight.executive.orders.land_at_selected(flight.situation()).accepted
+    assert not flight.executive.orders.select_zone(flight.situation(), 9).accepted
+    assert flight.executive.orders.select_zone(flight.situation(), 2).accepted
     flight.run(5)
     assert not any(is_commanding(commands) for *_, commands in flight.commands)
-    assert flight.executive.land_at_selected(flight.situation()).accepted
+    assert flight.executive.orders.land_at_selected(flight.situation()).accepted
     flight.fly_to(Phase.LANDED)
     assert flight.position[0] == pytest.approx(-10, abs=0.5)
 
 
 def test_a_confirmation_never_means_the_selection_before() -> None:
     flight = Flight([zone(1, 20, 0), zone(2, -10, 0)], auto=False).run(1)
-    flight.executive.select_zone(flight.situation(), 1)
+    flight.executive.orders.select_zone(flight.situation(), 1)
     flight.run(5)
-    flight.executive.select_zone(flight.situation(), 2)
-    reply = flight.executive.land_at_selected(flight.situation())
+    flight.executive.orders.select_zone(flight.situation(), 2)
+    reply = flight.executive.orders.land_at_selected(flight.situation())
     assert not reply.accepted
     assert "confirm again" in reply.reason
     flight.run(2)
-    assert flight.executive.land_at_selected(flight.situation()).accepted
+    assert flight.executive.orders.land_at_selected(flight.situation()).accepted
     flight.fly_to(Phase.LANDED)
     assert flight.position[0] == pytest.approx(-10, abs=0.5)
 
 
 def test_after_an_abort_another_zone_is_selected_and_confirmed() -> None:
     flight = Flight([zone(1, 20, 0, clearance=9), zone(2, -10, 0)]).fly_to(Phase.DESCEND)
-    assert not flight.executive.select_zone(flight.situation(), 2).accepted
-    flight.executive.abort(flight.situation())
+    assert not flight.executive.orders.select_zone(flight.situation(), 2).accepted
+    flight.executive.orders.abort(flight.situation())
     flight.run(3)
-    assert flight.executive.select_zone(flight.situation(), 2).accepted
+    assert flight.executive.orders.select_zone(flight.situation(), 2).accepted
     flight.run(3)
     assert flight.executive.phase is Phase.HOLD
-    assert flight.executive.land_at_selected(flight.situation()).accepted
+    assert flight.executive.orders.land_at_selected(flight.situation()).accepted
     flight.fly_to(Phase.LANDED)
     assert flight.position[0] == pytest.approx(-10, abs=0.5)
 
@@ -736,9 +736,9 @@ def test_after_an_abort_another_zone_is_selected_and_confirmed() -> None:
 def test_an_order_after_an_abort_does_not_end_the_climb() -> None:
     flight = Flight([zone(1, 10, 0), zone(2, -60, 0)], survey_height_m=3.0).fly_to(Phase.FINAL)
     flight.until(lambda f: f.position[2] < 5)
-    flight.executive.abort(flight.situation())
+    flight.executive.orders.abort(flight.situation())
     flight.run(0.5)
-    assert flight.executive.land_in_zone(flight.situation(), 2).accepted
+    assert flight.executive.orders.land_in_zone(flight.situation(), 2).accepted
     flight.until(lambda f: f.position[0] < -55)
     assert flight.position[2] == pytest.approx(30, abs=1)
 

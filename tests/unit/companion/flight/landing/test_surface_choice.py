@@ -29,9 +29,9 @@ def airborne(*zones: object, **settings: object) -> Flight:
 
 
 def ordered_twice(flight: Flight, pause_s: float = 2.0) -> Flight:
-    assert not flight.executive.land_in_zone(flight.situation(), 2).accepted
+    assert not flight.executive.orders.land_in_zone(flight.situation(), 2).accepted
     flight.run(pause_s)
-    assert flight.executive.land_in_zone(flight.situation(), 2).accepted
+    assert flight.executive.orders.land_in_zone(flight.situation(), 2).accepted
     return flight
 
 
@@ -87,7 +87,7 @@ def test_the_zone_to_ask_for_is_the_best_certain_one_that_needs_it() -> None:
 @pytest.mark.parametrize(("surface", "words"), [(ROOF, "a roof, 25 m up"), (CROP, "low vegetation")])
 def test_an_emergency_takes_what_is_left_and_says_what_it_is(surface: SurfaceHere, words: str) -> None:
     flight = airborne(zone(2, 30, 0, surface=surface))
-    assert flight.executive.land_now(flight.situation()).accepted
+    assert flight.executive.orders.land_now(flight.situation()).accepted
     flight.fly_to(Phase.LANDED)
     text = f"SLZ: landing on {words}"
     assert flight.texts.count(text) == 1
@@ -97,7 +97,7 @@ def test_an_emergency_takes_what_is_left_and_says_what_it_is(surface: SurfaceHer
 
 def test_an_emergency_says_it_once_when_the_surface_shows_on_the_way() -> None:
     flight = airborne(zone(2, 60, 0, surface=BARE))
-    flight.executive.land_now(flight.situation())
+    flight.executive.orders.land_now(flight.situation())
     flight.fly_to(Phase.APPROACH).run(2)
     flight.surface = lambda _point: ROOF
     flight.fly_to(Phase.LANDED)
@@ -105,14 +105,12 @@ def test_an_emergency_says_it_once_when_the_surface_shows_on_the_way() -> None:
 
 
 def test_a_low_battery_turns_away_from_the_way_to_bare_ground_for_no_roof() -> None:
-    flight = airborne(zone(1, 3, 0, surface=ROOF))
-    flight.executive.land_at_point(flight.situation(), np.array([90.0, 0.0, 0.0]))
+    flight = airborne(zone(1, 3, 0, surface=ROOF), battery_land_pct=20.0)
+    flight.executive.orders.land_at_point(flight.situation(), np.array([90.0, 0.0, 0.0]))
     flight.fly_to(Phase.APPROACH).run(1)
     flight.battery_pct = 5.0
-    flight.parameters = flight.parameters.model_copy(update={"battery_land_pct": 20.0})
-    flight.executive.state.parameters = flight.parameters
     flight.run(2)
-    assert flight.executive.state.is_urgent
+    assert flight.executive.progress.is_urgent
     aim = flight.executive.aim_enu_m
     assert aim is not None
     assert aim[0] == 90.0
@@ -123,11 +121,11 @@ def test_a_low_battery_turns_away_from_the_way_to_bare_ground_for_no_roof() -> N
 
 def test_an_order_onto_a_roof_is_accepted_when_it_comes_again() -> None:
     flight = airborne(ROOF_ZONE)
-    reply = flight.executive.land_in_zone(flight.situation(), 2)
+    reply = flight.executive.orders.land_in_zone(flight.situation(), 2)
     assert (reply.accepted, reply.reason, reply.asks) == (False, AGAIN, True)
     assert flight.executive.phase is Phase.IDLE
     flight.run(2)
-    assert flight.executive.land_in_zone(flight.situation(), 2).accepted
+    assert flight.executive.orders.land_in_zone(flight.situation(), 2).accepted
     flight.fly_to(Phase.LANDED)
     assert "SLZ: approaching zone 2: roof, 25 m up" in flight.texts
     assert flight.executive.tally.aborts == 0
@@ -136,31 +134,31 @@ def test_an_order_onto_a_roof_is_accepted_when_it_comes_again() -> None:
 @pytest.mark.parametrize("pause_s", [0.0, 0.5, 31.0])
 def test_a_repeated_packet_is_no_confirmation_and_neither_is_an_order_much_later(pause_s: float) -> None:
     flight = airborne(ROOF_ZONE)
-    assert not flight.executive.land_in_zone(flight.situation(), 2).accepted
+    assert not flight.executive.orders.land_in_zone(flight.situation(), 2).accepted
     flight.run(pause_s)
-    assert not flight.executive.land_in_zone(flight.situation(), 2).accepted
+    assert not flight.executive.orders.land_in_zone(flight.situation(), 2).accepted
     flight.run(1.5)
-    assert flight.executive.land_in_zone(flight.situation(), 2).accepted
+    assert flight.executive.orders.land_in_zone(flight.situation(), 2).accepted
 
 
 def test_another_order_confirms_nothing() -> None:
     flight = airborne(ROOF_ZONE, zone(3, -30, 0, surface=CROP))
-    assert flight.executive.land_in_zone(flight.situation(), 2).reason == AGAIN
+    assert flight.executive.orders.land_in_zone(flight.situation(), 2).reason == AGAIN
     flight.run(2)
-    reason = flight.executive.land_in_zone(flight.situation(), 3).reason
+    reason = flight.executive.orders.land_in_zone(flight.situation(), 3).reason
     assert reason == "zone 3: low vegetation: order again to confirm"
     flight.run(2)
-    assert flight.executive.land_in_zone(flight.situation(), 2).reason == AGAIN
+    assert flight.executive.orders.land_in_zone(flight.situation(), 2).reason == AGAIN
 
 
 def test_a_selected_point_is_confirmed_the_same_way() -> None:
     flight = airborne(ROOF_ZONE)
-    flight.executive.select_zone(flight.situation(), 2)
+    flight.executive.orders.select_zone(flight.situation(), 2)
     flight.run(1)
-    reply = flight.executive.land_at_selected(flight.situation())
+    reply = flight.executive.orders.land_at_selected(flight.situation())
     assert reply.reason == "the point: roof, 25 m up: order again to confirm"
     flight.run(2)
-    assert flight.executive.land_at_selected(flight.situation()).accepted
+    assert flight.executive.orders.land_at_selected(flight.situation()).accepted
     flight.fly_to(Phase.LANDED)
 
 
@@ -168,20 +166,20 @@ def test_a_selected_point_is_confirmed_the_same_way() -> None:
 def test_a_profile_that_allows_it_asks_for_nothing(rule: str) -> None:
     surface = ROOF if rule == "roof" else CROP
     flight = airborne(zone(2, 30, 0, surface=surface), **{rule: "allow"})
-    assert flight.executive.land_in_zone(flight.situation(), 2).accepted
+    assert flight.executive.orders.land_in_zone(flight.situation(), 2).accepted
 
 
 def test_a_confirmed_zone_ordered_again_on_the_way_needs_no_second_confirmation() -> None:
     flight = ordered_twice(airborne(ROOF_ZONE)).fly_to(Phase.APPROACH).run(1)
-    assert flight.executive.land_in_zone(flight.situation(), 2).accepted
+    assert flight.executive.orders.land_in_zone(flight.situation(), 2).accepted
     flight.fly_to(Phase.LANDED)
 
 
 def test_a_confirmation_ends_with_its_landing() -> None:
     flight = ordered_twice(airborne(ROOF_ZONE)).fly_to(Phase.APPROACH)
-    flight.executive.abort(flight.situation())
+    flight.executive.orders.abort(flight.situation())
     flight.run(2)
-    assert flight.executive.land_in_zone(flight.situation(), 2).reason == AGAIN
+    assert flight.executive.orders.land_in_zone(flight.situation(), 2).reason == AGAIN
 
 
 def test_a_jump_of_the_estimate_leaves_the_confirmation() -> None:

@@ -150,7 +150,7 @@ def test_the_point_is_given_up_after_three_and_an_emergency_gives_way_once() -> 
     urgent = Flight([zone(1, 5, 5)], height=20.0, auto=False)
     urgent.moving = lambda f: (crosser(f, f.time_s + 4.0),)
     urgent.run(1.0)
-    assert urgent.executive.land_now(urgent.situation()).accepted
+    assert urgent.executive.orders.land_now(urgent.situation()).accepted
     urgent.fly_to(Phase.LANDED)
     assert urgent.executive.tally.aborts == 1
 
@@ -160,7 +160,7 @@ def test_another_reason_does_not_keep_the_point() -> None:
     flight.state = lambda height, _point: PointState.UNSAFE if height < 5 else PointState.SAFE
     flight.fly_to(Phase.CLIMB)
     assert flight.executive.tally.abort_reasons == ["point unsafe"]
-    assert len(flight.executive.state.refused) == 1
+    assert len(flight.executive.progress.refused) == 1
 
 
 def test_high_over_the_point_it_is_waited_and_below_commit_height_it_lands() -> None:

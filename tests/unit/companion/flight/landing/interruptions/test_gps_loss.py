@@ -62,7 +62,7 @@ def test_a_single_report_without_a_fix_changes_nothing() -> None:
 
 def test_over_the_safe_point_it_lands_at_once() -> None:
     flight = flown_to(Phase.APPROACH)
-    flight.until(lambda f: f.executive.state.safe_since_ns is not None)
+    flight.until(lambda f: f.executive.progress.safe_since_ns is not None)
     flight.gps_lost = True
     flight.run(0.8)
     assert flight.executive.phase is Phase.DESCEND
@@ -142,7 +142,7 @@ def test_the_operator_s_abort_without_gps_does_not_climb() -> None:
     flight.until(lambda f: f.position[2] < 9)
     flight.gps_lost = True
     flight.run(1)
-    assert flight.executive.abort(flight.situation()).accepted
+    assert flight.executive.orders.abort(flight.situation()).accepted
     flight.run(0.2)
     assert stays(flight, 4)
 
@@ -151,7 +151,7 @@ def test_without_gps_no_order_to_land_is_taken() -> None:
     flight = flown_to(Phase.SURVEY)
     flight.gps_lost = True
     flight.run(1)
-    for order in (flight.executive.land_at_best, flight.executive.land_now):
+    for order in (flight.executive.orders.land_at_best, flight.executive.orders.land_now):
         reply = order(flight.situation())
         assert (reply.accepted, reply.reason) == (False, "GPS lost: fly by hand")
 

@@ -50,7 +50,7 @@ def test_the_operator_s_abort_holds_through_an_outage_down_to_the_commit_height(
     flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
     flight.until(lambda f: f.position[2] < 9)
     flight.obeys = False
-    assert flight.executive.abort(flight.situation()).accepted
+    assert flight.executive.orders.abort(flight.situation()).accepted
     flight.run(0.5)
     flight.heard = False
     flight.until(lambda f: f.position[2] < height_m)

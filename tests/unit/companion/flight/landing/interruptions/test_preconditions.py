@@ -1,5 +1,7 @@
 """Preconditions of each stage of a landing about the vehicle: the table, and each reaction flown."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -11,6 +13,7 @@ from companion.flight.link.statustext import CHUNK_BYTES
 from slz import PointState
 from tests import REPOSITORY
 from tests.unit.companion.flight.landing.flight import Flight, zone
+from tests.unit.docs.said import templates
 
 DOCS = REPOSITORY / "docs" / "reactions.md"
 GUIDED_PHASES = [Phase.SURVEY, Phase.APPROACH, Phase.DESCEND, Phase.CLIMB, Phase.HOLD]
@@ -22,7 +25,7 @@ def flown_to(phase: Phase, **settings: object) -> Flight:
     if phase in (Phase.CLIMB, Phase.HOLD):
         flight.fly_to(Phase.DESCEND).run(3)
         if phase is Phase.HOLD:
-            flight.executive.abort(flight.situation())
+            flight.executive.orders.abort(flight.situation())
         else:
             flight.state = lambda _height, _point: PointState.UNSAFE
         flight.fly_to(phase)
@@ -54,15 +57,28 @@ def test_the_documented_table_is_the_one_that_flies() -> None:
             break
         name, *reactions = (cell.strip() for cell in line.split("|")[1:-1])
         documented[name] = reactions
-    assert documented == {
-        precondition.value: [row[stage].value for stage in Stage] for precondition, row in TABLE.items()
-    }
+    assert list(documented.items()) == [
+        (precondition.value, [TABLE[precondition][stage].value for stage in Stage])
+        for precondition in Precondition
+    ]
 
 
 def test_every_reaction_is_explained() -> None:
     text = DOCS.read_text("utf-8")
     assert [reaction.value for reaction in Reaction if f"| {reaction.value} | " not in text] == []
     assert set(TABLE) == set(Precondition)
+
+
+def test_every_text_quoted_on_the_page_is_one_of_the_program() -> None:
+    texts = [re.escape(text).replace("…", ".+") for text in templates()]
+    longer = [text for text in texts if len(text.replace(".+", "")) > 10]
+    quoted = set(re.findall(r'"([^"]+)"', DOCS.read_text("utf-8"))) - {
+        "on the ground",
+        "PrecLand: Target Lost",
+    }
+    assert len(quoted) > 15
+    whole = {quote for quote in quoted if any(re.search(text, quote) for text in longer)}
+    assert {quote for quote in quoted - whole if not any(re.escape(quote) in text for text in texts)} == set()
 
 
 # ---- over the point --------------------------------------------------------------------------------
@@ -349,7 +365,7 @@ def test_after_a_failsafe_the_pilot_is_told_what_hands_over_in_this_mode(
     auto: bool, mode: str, told: str
 ) -> None:
     flight = Flight([zone(1, 20, 0)], auto=auto).run(2)
-    flight.executive.land_at_best(flight.situation())
+    flight.executive.orders.land_at_best(flight.situation())
     flight.run(2)
     flight.mode, flight.failsafe = "AUTO.LOITER", True
     flight.run(5)
@@ -365,7 +381,7 @@ def test_an_order_of_the_operator_hands_over_again() -> None:
     flight.run(2)
     flight.mode, flight.failsafe = "GUIDED", False
     flight.run(2)
-    assert flight.executive.land_at_best(flight.situation()).accepted
+    assert flight.executive.orders.land_at_best(flight.situation()).accepted
     flight.fly_to(Phase.LANDED)
 
 
@@ -373,7 +389,7 @@ def test_an_order_of_the_operator_hands_over_again() -> None:
 def test_without_an_estimate_no_order_to_land_is_taken(mode: str) -> None:
     flight = Flight([zone(1, 20, 0)], auto=False).run(2)
     flight.estimate_lost, flight.mode = "position", mode
-    order = flight.executive.land_at_best if mode == "GUIDED" else flight.executive.land_now
+    order = flight.executive.orders.land_at_best if mode == "GUIDED" else flight.executive.orders.land_now
     reply = order(flight.situation())
     assert (reply.accepted, reply.reason) == (False, "position lost: fly by hand")
 
@@ -595,15 +611,15 @@ def test_a_fixed_wing_gets_no_command_by_any_order_and_is_told_once() -> None:
     executive, situation = flight.executive, flight.situation()
     point = np.array([20.0, 0.0, 0.0])
     replies = [
-        executive.land_at_best(situation),
-        executive.land_in_zone(situation, 1),
-        executive.land_at_point(situation, point),
-        executive.land_now(situation),
+        executive.orders.land_at_best(situation),
+        executive.orders.land_in_zone(situation, 1),
+        executive.orders.land_at_point(situation, point),
+        executive.orders.land_now(situation),
     ]
     assert {(reply.accepted, reply.reason) for reply in replies} == {(False, "fixed wing: not commanded")}
-    assert executive.select_zone(situation, 1).accepted  # it is judged and shown
+    assert executive.orders.select_zone(situation, 1).accepted  # it is judged and shown
     flight.run(5)
-    assert executive.land_at_selected(flight.situation()).reason == "fixed wing: not commanded"
+    assert executive.orders.land_at_selected(flight.situation()).reason == "fixed wing: not commanded"
     flight.run(5)
     assert silent_since(flight, 0)
     assert flight.texts == ["SLZ: fixed wing: mapping only"]

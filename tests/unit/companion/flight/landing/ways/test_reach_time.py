@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,7 @@ from hypothesis import strategies as st
 import params
 from companion.flight.geometry.wind import Wind
 from companion.flight.landing.situation import Emergency
-from companion.flight.landing.ways.endurance import RESERVE_PCT, Endurance
-from companion.flight.landing.ways.reach_time import reach_time_s
+from companion.flight.landing.ways.endurance import RESERVE_PCT, Endurance, reach_time_s
 from tests.unit.companion.flight.landing.flight import Flight, zone
 
 P = params.load("quadcopter", ["approach_speed_ms=8", "max_airspeed_ms=12"])
@@ -62,7 +62,7 @@ def test_more_wind_from_ahead_is_never_sooner(turn_deg: float, speed_ms: float, 
 def after(*charges: tuple[float, float]) -> Endurance:
     one = Endurance()
     for at_s, pct in charges:
-        one.follow(round(at_s * SECOND), pct)
+        one.follow(replace(Flight([]).situation(), now_ns=round(at_s * SECOND), battery_pct=pct))
     return one
 
 

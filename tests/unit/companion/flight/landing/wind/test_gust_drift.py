@@ -3,7 +3,7 @@
 import pytest
 
 from companion.flight.geometry.wind import Wind
-from companion.flight.landing.wind.gust_drift import gust_drift_m
+from companion.flight.landing.landing_wind import gust_drift_m
 from tests.unit.companion.flight.landing.flight import Flight, Phase, zone
 
 GUSTY = Wind(0.0, 5.0, 11.0, "autopilot")
@@ -27,5 +27,5 @@ def test_an_ordered_zone_is_landed_in_all_the_same() -> None:
     flight = Flight([zone(1, 30, 0, clearance=1.0)], auto=False)
     flight.wind = GUSTY
     flight.run(1)
-    assert flight.executive.land_in_zone(flight.situation(), 1).accepted
+    assert flight.executive.orders.land_in_zone(flight.situation(), 1).accepted
     flight.fly_to(Phase.LANDED)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from companion.flight.geometry.wind import Wind
+from companion.flight.landing.landing_wind import FORGET_NS, WindLimit
 from companion.flight.landing.situation import LandingRequest
-from companion.flight.landing.wind.wind_limit import FORGET_NS, WindLimit
 from tests.unit.companion.flight.landing.flight import Flight, Phase, zone
 
 REASON = "wind too strong for this point: 14 m/s"
@@ -66,12 +66,12 @@ def test_orders_are_refused_with_the_reason_and_an_emergency_lands() -> None:
     flight.run(1)
     s, executive = flight.situation(), flight.executive
     for reply in (
-        executive.land_at_best(s),
-        executive.land_in_zone(s, 1),
-        executive.land_at_point(s, flight.zones[0].best.enu_m),
+        executive.orders.land_at_best(s),
+        executive.orders.land_in_zone(s, 1),
+        executive.orders.land_at_point(s, flight.zones[0].best.enu_m),
     ):
         assert (reply.accepted, reply.reason) == (False, REASON)
-    assert executive.land_now(s).accepted
+    assert executive.orders.land_now(s).accepted
     flight.fly_to(Phase.LANDED)
     assert executive.tally.aborts == 0
 
@@ -124,7 +124,7 @@ def test_it_breaks_off_climbs_and_lands_at_the_same_point_when_the_wind_is_less(
 def test_a_point_that_was_ordered_is_still_the_one_flown_to_afterwards() -> None:
     flight = Flight([zone(1, 30, 0), zone(2, -30, 0)], auto=False)
     flight.run(1)
-    assert flight.executive.land_in_zone(flight.situation(), 2).accepted
+    assert flight.executive.orders.land_in_zone(flight.situation(), 2).accepted
     flight.fly_to(Phase.DESCEND)
     flight.wind = gust(14.0)
     flight.run(40)
@@ -145,14 +145,14 @@ def test_below_the_commit_height_it_lands_in_any_wind() -> None:
 def test_an_emergency_and_a_low_battery_land_in_any_wind() -> None:
     urgent = Flight([zone(1, 30, 0)], auto=False)
     urgent.run(1)
-    assert urgent.executive.land_now(urgent.situation()).accepted
+    assert urgent.executive.orders.land_now(urgent.situation()).accepted
     urgent.fly_to(Phase.APPROACH).wind = gust(30.0)
     empty = Flight([zone(1, 30, 0)])
     empty.wind, empty.battery_pct = gust(30.0), 10.0
     for flight in (urgent, empty):
         flight.fly_to(Phase.LANDED)
         assert flight.executive.tally.aborts == 0
-    assert empty.executive.state.request in (None, LandingRequest(urgent=True))
+    assert empty.executive.progress.request in (None, LandingRequest(urgent=True))
 
 
 def test_the_limit_is_a_parameter_and_an_unknown_wind_changes_nothing() -> None:
