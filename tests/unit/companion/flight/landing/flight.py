@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import MISSING, fields, replace
 
 import numpy as np
 
 import params
-from companion.flight.geometry.geofence import NO_FENCE, Geofence
-from companion.flight.geometry.wind import Wind
 from companion.flight.landing.executive import Executive
 from companion.flight.landing.situation import MissingInput, Phase, Severity, Situation, VehicleCommands
 from slz import (
@@ -18,7 +16,6 @@ from slz import (
     Choice,
     Corridors,
     Grid,
-    Intrusion,
     LandingPoint,
     LocalFrame,
     MapReport,
@@ -34,8 +31,17 @@ from slz.surface.surface_kinds import UNKNOWN_SURFACE
 from slz.terrain.footing import ANY_FOOTING
 
 STEP_S, TURN_DEGS = 0.1, 30.0
+GUIDED_PHASES = [Phase.SURVEY, Phase.APPROACH, Phase.DESCEND, Phase.CLIMB, Phase.HOLD]
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 GRID = Grid(-200, -200, 0.2, 2000, 2000)
+
+OTHERWISE = {"fit", "blocked", "no_map_reason", "heading_rad", "blocked_above", "moving", "asked_enu_ms"}
+# Attributes of a flight that its situation shows unchanged, and their values at the beginning.
+AS_IN_SITUATION = {
+    field.name: field.default
+    for field in fields(Situation)
+    if field.default is not MISSING and field.name not in OTHERWISE
+} | {"connected": True, "armed": True, "lidar_ok": True, "battery_pct": 80.0}
 
 
 def zone(
@@ -79,11 +85,10 @@ class Flight:
         self.zones = zones
         self.mode = "GUIDED"
         self.state: Callable[[float, np.ndarray], PointState] = lambda _height, _point: PointState.SAFE
-        self.lidar_ok = True
-        self.armed = True
-        self.obeys = self.sinks = True
-        self.connected = self.heard = True
-        self.epoch = 0
+        for name, value in AS_IN_SITUATION.items():
+            setattr(self, name, value)
+        self.obeys = self.sinks = self.turns = True
+        self.blind = False
         self.estimate_is_off_m = np.zeros(3)
         self.position = np.array([0.0, 0.0, height])
         self.velocity = self.velocity_wanted = np.zeros(3)
@@ -93,36 +98,20 @@ class Flight:
         self.severities: list[Severity] = []
         self.phases: list[Phase] = [Phase.IDLE]
         self.commands: list[tuple[float, Phase, str, VehicleCommands]] = []
-        self.blind = False
-        self.battery_pct: float | None = 80.0
         self.blocked: Callable[[Flight], bool] = lambda _flight: False
         self.blocked_above: Callable[[Flight], bool] = lambda _flight: False
         self.corridors: Callable[[Flight], Corridors | None] = lambda _flight: None
         self.wires: tuple[Wire, ...] = ()
         self.flown: np.ndarray | None = None  # velocity flown whatever is asked
         self.push = np.zeros(3)  # added to the velocity flown: wind, or another's hand
-        self.failsafe = self.breached = self.switched = False
-        self.estimate_lost = self.cause = ""
-        self.target_lost_ns: int | None = None
-        self.gps_lost = self.gps_glitching = False
         self.home_m = 0.0  # height of home over the ground below
         self.fits = self.landed_state_known = self.sees_ground = True
-        self.intrusion: Intrusion | None = None
-        self.tracked: bool | None = None
-        self.place_by = "LiDAR"
-        self.gps_drift_m = 0.0
-        self.sticks_us: tuple[int, int] | None = None
-        self.no_command_reason = self.commander = ""
         self.asked: np.ndarray | None = None
         self.lost = MissingInput.LIDAR_LOST
         self.far_zones: list[Zone] = []
         self.prior_zones: list[Zone] = []
         self.heading_deg: float | None = 0.0
         self.footing = ANY_FOOTING
-        self.turns = True
-        self.below = UNKNOWN_SURFACE
-        self.wind: Wind | None = None
-        self.fence: Geofence = NO_FENCE
         self.moving: Callable[[Flight], tuple[MovingObject, ...]] = lambda _flight: ()
         self.surface: Callable[[np.ndarray], SurfaceHere] = self.surface_of_zone
 
@@ -145,8 +134,6 @@ class Flight:
         report = replace(report, prior=MapReport(GRID, tuple(self.prior_zones)), wires=self.wires)
         return Situation(
             now_ns=self.now_ns,
-            connected=self.connected,
-            armed=self.armed,
             guided=self.mode in ("GUIDED", "OFFBOARD"),
             landing=self.mode == "LAND",
             mode=self.mode,
@@ -155,36 +142,15 @@ class Flight:
             position_enu_m=None if self.blind else self.position + self.estimate_is_off_m,
             velocity_enu_ms=None if self.blind else self.velocity.copy(),
             height_above_home_m=float(self.position[2]) - self.home_m,
-            lidar_ok=self.lidar_ok,
             report=report,
             selected=selected,
-            battery_pct=self.battery_pct,
             blocked=self.blocked(self),
-            heard=self.heard,
-            epoch=self.epoch,
             no_map_reason=self.lost,
-            failsafe=self.failsafe,
-            breached=self.breached,
-            estimate_lost=self.estimate_lost,
-            gps_lost=self.gps_lost,
-            gps_glitching=self.gps_glitching,
-            intrusion=self.intrusion,
-            tracked=self.tracked,
-            place_by=self.place_by,
-            gps_drift_m=self.gps_drift_m,
-            cause=self.cause,
-            target_lost_ns=self.target_lost_ns,
-            sticks_us=self.sticks_us,
-            switched=self.switched,
             heading_rad=None if self.heading_deg is None else math.radians(self.heading_deg),
-            below=self.below,
-            wind=self.wind,
             blocked_above=self.blocked_above(self),
             moving=self.moving(self),
-            fence=self.fence,
-            no_command_reason=self.no_command_reason,
             asked_enu_ms=self.asked,
-            commander=self.commander,
+            **{name: getattr(self, name) for name in AS_IN_SITUATION},
         )
 
     def surface_of_zone(self, point: np.ndarray) -> SurfaceHere:
@@ -240,10 +206,44 @@ class Flight:
     def fly_to(self, phase: Phase) -> Flight:
         return self.until(lambda f: f.executive.phase is phase)
 
+    def having(self, **changes: object) -> Flight:
+        """Let something happen to the vehicle, its sensors or its surroundings from now on."""
+        for name, value in changes.items():
+            assert hasattr(self, name), name
+            setattr(self, name, value)
+        return self
+
+    def is_silent_since(self, first: int) -> bool:
+        """Return whether no velocity, mode or target was commanded since a step."""
+        return not any(
+            one.velocity_enu_ms is not None or one.mode is not None or one.target_enu_m is not None
+            for *_, one in self.commands[first:]
+        )
+
+    def silent_for(self, seconds: float) -> bool:
+        """Fly on, and return whether nothing was commanded."""
+        first = len(self.commands)
+        return self.run(seconds).is_silent_since(first)
+
     def run(self, seconds: float) -> Flight:
         for _ in range(round(seconds / STEP_S)):
             self.step()
         return self
 
 
-__all__ = ["FRAME", "GRID", "Flight", "Phase", "PointState", "replace", "zone"]
+def flown_to(phase: Phase, **settings: object) -> Flight:
+    """A flight in a phase; climbing and holding after an abort in the descent."""
+    flight = Flight([zone(1, 20, 0)], **settings)
+    if phase in (Phase.CLIMB, Phase.HOLD):
+        flight.fly_to(Phase.DESCEND).run(3)
+        if phase is Phase.HOLD:
+            flight.executive.orders.abort(flight.situation())
+        else:
+            flight.state = lambda _height, _point: PointState.UNSAFE
+        flight.fly_to(phase)
+    else:
+        flight.fly_to(phase)
+    return flight
+
+
+__all__ = ["FRAME", "GRID", "GUIDED_PHASES", "Flight", "Phase", "PointState", "flown_to", "replace", "zone"]

@@ -16,8 +16,13 @@ from companion.flight.landing.ways.approach_path import ApproachPath
 from slz import UNSAFE, Intrusion, MovingObject, SurfaceKind
 from slz.surface.surface_kinds import UNKNOWN_SURFACE
 from slz.terrain.footing import ANY_FOOTING
-from tests.unit.companion.flight.landing.flight import Flight, Phase, PointState, zone
-from tests.unit.companion.flight.landing.interruptions.test_preconditions import flown_to
+from tests.unit.companion.flight.landing.flight import (
+    Flight,
+    Phase,
+    PointState,
+    flown_to,
+    zone,
+)
 from tests.unit.companion.flight.landing.ways.corridors import made
 
 Event = Callable[[Flight], object]

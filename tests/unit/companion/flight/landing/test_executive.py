@@ -3,15 +3,9 @@
 import numpy as np
 import pytest
 
-from companion.flight.landing.situation import Phase, VehicleCommands
+from companion.flight.landing.situation import Phase
 from slz import PointState
-from tests.unit.companion.flight.landing.flight import Flight, replace, zone
-
-
-def is_commanding(commands: VehicleCommands) -> bool:
-    return (
-        commands.velocity_enu_ms is not None or commands.mode is not None or commands.target_enu_m is not None
-    )
+from tests.unit.companion.flight.landing.flight import Flight, zone
 
 
 def test_auto_surveys_chooses_and_lands_on_the_point() -> None:
@@ -49,12 +43,11 @@ def test_nothing_is_commanded_before_the_operator_handed_over(change: dict[str, 
     for name, value in change.items():
         setattr(flight, name, value)
     flight.run(20)
-    assert not any(is_commanding(commands) for *_, commands in flight.commands), why
+    assert flight.is_silent_since(0), why
 
 
 def test_auto_waits_for_the_take_off_to_end() -> None:
-    flight = Flight([zone(1, 0, 0)], height=12.0)
-    flight.velocity = np.array([0, 0, 2.0])
+    flight = Flight([zone(1, 0, 0)], height=12.0).having(velocity=np.array([0, 0, 2.0]))
     for _ in range(50):
         flight.step()
         flight.velocity = np.array([0, 0, 2.0])
@@ -66,20 +59,15 @@ def test_hands_off_from_the_step_the_pilot_changes_the_mode(phase: Phase) -> Non
     flight = Flight([zone(1, 10, 0)]).fly_to(phase)
     if phase is Phase.FINAL:
         flight.until(lambda f: f.mode == "LAND")
-    flight.mode = "LOITER"
-    before = len(flight.commands)
-    flight.run(10)
-    assert not any(is_commanding(commands) for *_, commands in flight.commands[before:])
+    assert flight.having(mode="LOITER").silent_for(10)
     assert flight.executive.phase is Phase.IDLE
     assert any("hands off" in text for text in flight.texts)
 
 
 def test_pilot_s_guided_hands_over_again() -> None:
     flight = Flight([zone(1, 10, 0)]).fly_to(Phase.APPROACH)
-    flight.mode = "LOITER"
-    flight.run(5)
-    flight.mode = "GUIDED"
-    flight.fly_to(Phase.LANDED)
+    flight.having(mode="LOITER").run(5)
+    flight.having(mode="GUIDED").fly_to(Phase.LANDED)
 
 
 @pytest.mark.parametrize("height", [25.0, 10.0, 3.0])
@@ -101,10 +89,8 @@ def test_reports_of_less_than_three_seconds_end_no_approach() -> None:
     flight = Flight([zone(1, 60, 0)]).fly_to(Phase.APPROACH)
     for wrong_s, aborts in ((2.5, 0), (3.5, 1)):
         flight.run(1.05 - flight.time_s % 1.0)
-        flight.state = lambda _h, _point: PointState.UNSAFE
-        flight.run(wrong_s)
-        flight.state = lambda _h, _point: PointState.SAFE
-        flight.run(2.0)
+        flight.having(state=lambda _h, _point: PointState.UNSAFE).run(wrong_s)
+        flight.having(state=lambda _h, _point: PointState.SAFE).run(2.0)
         assert flight.executive.tally.aborts == aborts
 
 
@@ -118,16 +104,14 @@ def test_below_commit_height_the_landing_goes_on() -> None:
 @pytest.mark.parametrize("state", [PointState.UNKNOWN, PointState.UNSAFE])
 def test_a_point_never_found_safe_is_never_descended_to(state: PointState) -> None:
     flight = Flight([zone(1, 10, 0)])
-    flight.state = lambda _h, _point: state
-    flight.run(200)
+    flight.having(state=lambda _h, _point: state).run(200)
     assert Phase.DESCEND not in flight.phases
     assert flight.position[2] > 25
 
 
 @pytest.mark.parametrize("away_m", [10, 60, 200])
 def test_a_point_has_thirty_seconds_to_be_seen_from_above_however_long_the_way_was(away_m: int) -> None:
-    flight = Flight([zone(1, away_m, 0)])
-    flight.state = lambda _h, _point: PointState.UNKNOWN
+    flight = Flight([zone(1, away_m, 0)]).having(state=lambda _h, _point: PointState.UNKNOWN)
     flight.fly_to(Phase.APPROACH).until(lambda f: abs(f.position[0] - away_m) < 1)
     arrived_s = flight.time_s
     flight.run(25)
@@ -147,8 +131,7 @@ def test_a_point_far_away_that_is_found_safe_from_above_is_landed_on() -> None:
 def test_lost_lidar_in_the_descent_breaks_off_and_then_asks_the_pilot() -> None:
     flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
     flight.until(lambda f: f.position[2] < 8)
-    flight.lidar_ok = False
-    flight.run(60)
+    flight.having(lidar_ok=False).run(60)
     assert flight.executive.tally.abort_reasons == ["LiDAR lost"]
     assert flight.mode == "GUIDED"
     assert flight.position[2] > 25
@@ -160,12 +143,10 @@ def test_an_abort_insists_until_the_autopilot_obeys() -> None:
     flight = Flight([zone(1, 10, 0), zone(2, -20, 0)], final_height_m=25.0).fly_to(Phase.FINAL)
     flight.until(lambda f: f.mode == "LAND")
     flight.state = lambda _h, point: PointState.UNSAFE if point[0] > 0 else PointState.SAFE
-    flight.obeys = False
-    flight.run(4)
+    flight.having(obeys=False).run(4)
     assert flight.mode == "LAND"
     assert all(commands.mode == "guided" for *_, commands in flight.commands[-30:])
-    flight.obeys = True
-    flight.fly_to(Phase.LANDED)
+    flight.having(obeys=True).fly_to(Phase.LANDED)
     assert flight.position[0] < -19
 
 
@@ -219,113 +200,15 @@ def test_the_nose_points_aside_of_the_course_for_the_lidar_to_see_ahead(east: fl
 
 
 def test_without_a_pose_the_vehicle_stops() -> None:
-    flight = Flight([zone(1, 50, 0)]).fly_to(Phase.APPROACH).run(1)
-    flight.blind = True
+    flight = Flight([zone(1, 50, 0)]).fly_to(Phase.APPROACH).run(1).having(blind=True)
     commands = flight.step()
     assert commands.velocity_enu_ms is not None
     assert np.allclose(commands.velocity_enu_ms, 0)
 
 
-class TestOperator:
-    """Commands of MAV_CMD_USER_1 as the executive sees them."""
-
-    def test_lands_at_the_best_zone(self) -> None:
-        flight = Flight([zone(1, 20, 10)], auto=False).run(1)
-        assert flight.executive.orders.land_at_best(flight.situation()).accepted
-        flight.fly_to(Phase.LANDED)
-        assert np.hypot(*(flight.position[:2] - [20, 10])) < 0.5
-
-    def test_lands_in_the_zone_named(self) -> None:
-        flight = Flight([zone(1, 5, 0, clearance=9), zone(7, -15, 3)], auto=False).run(1)
-        assert not flight.executive.orders.land_in_zone(flight.situation(), 3).accepted
-        assert flight.executive.orders.land_in_zone(flight.situation(), 7).accepted
-        flight.fly_to(Phase.LANDED)
-        assert np.hypot(*(flight.position[:2] - [-15, 3])) < 0.5
-
-    def test_unsafe_point_of_the_operator_is_refused_in_the_air(self) -> None:
-        flight = Flight([], auto=False).run(1)
-        flight.state = lambda _h, _p: PointState.UNSAFE
-        assert flight.executive.orders.land_at_point(flight.situation(), np.array([5.0, 5.0, 0.0])).accepted
-        flight.run(60)
-        assert Phase.DESCEND not in flight.phases
-
-    def test_abort_holds_until_a_new_order(self) -> None:
-        flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
-        assert flight.executive.orders.abort(flight.situation()).accepted
-        flight.run(60)
-        assert flight.executive.phase is Phase.HOLD
-        assert flight.position[2] > 25
-        assert flight.executive.orders.land_at_best(flight.situation()).accepted
-        flight.fly_to(Phase.LANDED)
-
-    @pytest.mark.parametrize(
-        ("name", "value", "reason"),
-        [("mode", "LOITER", "GUIDED"), ("armed", False, "not flying"), ("connected", False, "no autopilot")],
-    )
-    def test_orders_are_refused_with_the_reason(self, name: str, value: object, reason: str) -> None:
-        flight = Flight([zone(1, 0, 0)], auto=False).run(1)
-        setattr(flight, name, value)
-        reply = flight.executive.orders.land_at_best(flight.situation())
-        assert not reply.accepted
-        assert reason in reply.reason
-
-    def test_abort_without_a_landing_is_refused(self) -> None:
-        flight = Flight([], auto=False).run(1)
-        assert not flight.executive.orders.abort(flight.situation()).accepted
-
-    def test_abort_below_commit_height_is_refused_and_the_landing_goes_on(self) -> None:
-        flight = Flight([zone(1, 10, 0)]).fly_to(Phase.FINAL)
-        flight.until(lambda f: f.position[2] < 1.0)
-        reply = flight.executive.orders.abort(flight.situation())
-        assert not reply.accepted
-        assert "below commit height" in reply.reason
-        flight.fly_to(Phase.LANDED)
-        assert flight.executive.tally.aborts == 0
-
-    @pytest.mark.parametrize("phase", [Phase.DESCEND, Phase.FINAL])
-    def test_an_emergency_in_a_landing_lets_it_go_on_and_another_order_is_refused(self, phase: Phase) -> None:
-        flight = Flight([zone(1, 10, 0), zone(2, 12, 0)]).fly_to(phase)
-        reply = flight.executive.orders.land_in_zone(flight.situation(), 2)
-        assert (reply.accepted, reply.reason) == (False, "descending: abort first")
-        assert flight.executive.orders.land_now(flight.situation()).reason == "landing already"
-        flight.fly_to(Phase.LANDED)
-        assert flight.position[0] == pytest.approx(10, abs=0.5)
-        assert flight.executive.tally.aborts == 0
-
-    def test_each_order_and_each_end_of_one_is_a_turn_and_its_progress_is_none(self) -> None:
-        flight = Flight([zone(1, 10, 0), zone(2, -20, 0)], auto=False).run(1)
-        executive, turns = flight.executive, [0]
-
-        def turned() -> bool:
-            turns.append(executive.order_count)
-            return turns[-1] > turns[-2]
-
-        executive.orders.select_zone(flight.situation(), 2)
-        assert turned()
-        executive.orders.land_at_best(flight.situation())
-        assert turned()
-        flight.fly_to(Phase.DESCEND)
-        assert not turned()
-        executive.orders.abort(flight.situation())
-        assert turned()
-        executive.orders.land_at_best(flight.situation())
-        assert turned()
-        flight.run(1).mode = "LOITER"
-        flight.run(1)
-        assert turned()
-
-    def test_there_is_no_zone_to_land_in_before_the_first_report(self) -> None:
-        flight = Flight([zone(1, 10, 0)], auto=False).run(1)
-        unmapped = replace(flight.situation(), report=None)
-        assert flight.executive.orders.land_in_zone(unmapped, 1).reason == "no zone 1"
-        assert not flight.executive.orders.select_zone(unmapped, 1).accepted
-
-
 def test_ground_of_a_survey_is_flown_to_and_left_again_unless_live_maps_call_it_safe() -> None:
-    flight = Flight([])
-    flight.prior_zones = [zone(100_001, 15, 5, certainty=0.5)]
-    flight.state = lambda _h, _point: PointState.UNKNOWN
-    flight.run(120)
+    flight = Flight([]).having(prior_zones=[zone(100_001, 15, 5, certainty=0.5)])
+    flight.having(state=lambda _h, _point: PointState.UNKNOWN).run(120)
     assert Phase.APPROACH in flight.phases
     assert not {Phase.DESCEND, Phase.FINAL} & set(flight.phases)
     assert flight.position[2] > 25
@@ -334,14 +217,12 @@ def test_ground_of_a_survey_is_flown_to_and_left_again_unless_live_maps_call_it_
 
 def test_ground_of_a_survey_that_live_maps_call_safe_is_landed_on() -> None:
     flight = Flight([])
-    flight.prior_zones = [zone(100_001, 15, 5, certainty=0.5)]
-    flight.fly_to(Phase.LANDED)
+    flight.having(prior_zones=[zone(100_001, 15, 5, certainty=0.5)]).fly_to(Phase.LANDED)
     assert np.hypot(*(flight.position[:2] - [15, 5])) < 0.5
 
 
 def test_a_zone_that_was_seen_goes_before_one_of_a_survey() -> None:
-    flight = Flight([zone(1, 40, 10)])
-    flight.prior_zones = [zone(100_001, 1, 1, certainty=0.5)]
+    flight = Flight([zone(1, 40, 10)]).having(prior_zones=[zone(100_001, 1, 1, certainty=0.5)])
     assert flight.fly_to(Phase.LANDED).executive.tally.zone_id == 1
 
 

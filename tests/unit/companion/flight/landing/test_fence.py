@@ -56,8 +56,7 @@ def least_room_m(flight: Flight, fence: Geofence) -> float:
 )
 def test_an_order_to_a_zone_beyond_the_fence_is_refused(fence: Geofence, reason: str) -> None:
     flight = Flight([NEAR, FAR], auto=False)
-    flight.fence = fence
-    flight.step()
+    flight.having(fence=fence).step()
     reply = flight.executive.orders.land_in_zone(flight.situation(), 2)
     assert (reply.accepted, reply.reason) == (reason == "landing", reason)
     assert len(f"SLZ: {reply.reason}") <= 50
@@ -65,8 +64,7 @@ def test_an_order_to_a_zone_beyond_the_fence_is_refused(fence: Geofence, reason:
 
 def test_an_order_to_a_point_and_the_confirmation_of_a_selection_are_refused_too() -> None:
     flight = Flight([NEAR], auto=False)
-    flight.fence = circle(25)
-    flight.step()
+    flight.having(fence=circle(25)).step()
     point = np.array([0.0, 33.0, 0.0])
     assert flight.executive.orders.land_at_point(flight.situation(), point).reason == "point beyond the fence"
     assert flight.executive.orders.select_point(point).accepted  # it is only watched
@@ -81,8 +79,7 @@ def test_an_order_to_a_point_and_the_confirmation_of_a_selection_are_refused_too
 @pytest.mark.parametrize("urgent", [False, True])
 def test_a_zone_beyond_the_fence_is_never_chosen(urgent: bool) -> None:
     flight = Flight([FAR, zone(3, -12, 4, certainty=0.97)], auto=not urgent)
-    flight.fence = circle(25)
-    flight.run(1)
+    flight.having(fence=circle(25)).run(1)
     if urgent:
         assert flight.executive.orders.land_now(flight.situation()).accepted
     flight.fly_to(Phase.LANDED)
@@ -91,34 +88,29 @@ def test_a_zone_beyond_the_fence_is_never_chosen(urgent: bool) -> None:
 
 def test_zones_of_the_far_map_and_of_a_survey_are_left_out_too() -> None:
     flight = Flight([])
-    flight.far_zones, flight.prior_zones, flight.fence = [FAR], [replace(FAR, id=100_001)], circle(25)
-    flight.run(60)
+    flight.having(far_zones=[FAR], prior_zones=[replace(FAR, id=100_001)], fence=circle(25)).run(60)
     assert flight.executive.phase is Phase.SURVEY
     assert flight.executive.emergency(flight.situation()) is None
 
 
 def test_the_pilot_reads_which_zone_is_beyond_the_fence_each_half_minute() -> None:
     flight = Flight([FAR, replace(FAR, id=7)])
-    flight.fence = circle(25)
-    flight.run(70)
+    flight.having(fence=circle(25)).run(70)
     said = [text for text in flight.texts if "fence" in text]
     assert said == ["SLZ: zone 2 beyond the fence"] * 3
-    flight.fence = Geofence()
-    flight.fly_to(Phase.LANDED)
+    flight.having(fence=Geofence()).fly_to(Phase.LANDED)
 
 
 def test_a_roof_beyond_the_fence_is_not_asked_for() -> None:
     flight = Flight([zone(4, 33, 0, surface=ROOF)])
-    flight.fence = circle(25)
-    flight.run(40)
+    flight.having(fence=circle(25)).run(40)
     assert not any("confirm" in text for text in flight.texts)
 
 
 @pytest.mark.parametrize("phase", [Phase.APPROACH, Phase.DESCEND, Phase.FINAL])
 def test_a_fence_that_is_drawn_around_less_breaks_the_landing_off(phase: Phase) -> None:
     flight = Flight([zone(1, 16, 0), zone(3, -6, 0, certainty=0.97)]).fly_to(phase)
-    flight.fence = circle(18)
-    flight.until(lambda f: f.executive.phase is Phase.CLIMB)
+    flight.having(fence=circle(18)).until(lambda f: f.executive.phase is Phase.CLIMB)
     assert flight.executive.tally.abort_reasons == ["point beyond the fence"]
     flight.fly_to(Phase.LANDED)
     assert abs(flight.position[0] + 6) < 1
@@ -135,8 +127,7 @@ def test_the_cost_of_a_step_does_not_grow_with_the_zones_beyond(monkeypatch: pyt
     monkeypatch.setattr(Geofence, "room_m", counted)
     flight = Flight([zone(k, 40 + k, 0) for k in range(1, 65)])
     flight.prior_zones = [zone(100_000 + k, 40 + k, 9) for k in range(1, 1001)]
-    flight.fence = circle(25)
-    flight.run(10)
+    flight.having(fence=circle(25)).run(10)
     asked.clear()
     flight.step()
     situation = flight.situation()
@@ -164,24 +155,21 @@ def test_a_way_is_judged_as_by_all_its_places() -> None:
 @pytest.mark.parametrize("fence", [circle(30), wall(10), wall(-12)])
 def test_the_search_stays_inside(fence: Geofence) -> None:
     assert least_room_m(Flight([], height=20.0), fence) < -1
-    flight = Flight([], height=20.0)
-    flight.fence = fence
+    flight = Flight([], height=20.0).having(fence=fence)
     assert least_room_m(flight, fence) >= -0.5
     assert np.ptp([c.velocity_enu_ms[0] for *_, c in flight.commands if c.velocity_enu_ms is not None]) > 1
 
 
 def test_a_search_without_a_corner_inside_hovers() -> None:
     flight = Flight([], height=20.0)
-    flight.fence = circle(3)
-    flight.run(30)
+    flight.having(fence=circle(3)).run(30)
     assert float(np.hypot(*flight.position[:2])) < 1
 
 
 def test_a_look_from_aside_stays_inside() -> None:
     flight = Flight([zone(1, 10, 0)], height=20.0)
     flight.surface = lambda _point: SurfaceHere(SurfaceKind.BARE, 0.95, 0.05)
-    flight.fence = circle(22)
-    flight.until(lambda f: any("looking from aside" in text for text in f.texts))
+    flight.having(fence=circle(22)).until(lambda f: any("looking from aside" in text for text in f.texts))
     assert least_room_m(flight, flight.fence) >= -0.5
 
 
@@ -195,8 +183,7 @@ def test_a_path_that_begins_beyond_the_fence_is_left_out() -> None:
 
 
 def test_the_way_out_below_something_leads_away_from_the_fence() -> None:
-    flight = Flight([zone(1, 0, 0)], height=20.0)
-    flight.corridors = lambda _flight: made()
+    flight = Flight([zone(1, 0, 0)], height=20.0).having(corridors=lambda _flight: made())
     flight.until(lambda f: f.executive.phase is Phase.FINAL and f.position[2] < 6)
     flight.zones.clear()
     flight.state = lambda _height, _point: PointState.UNSAFE
@@ -246,8 +233,7 @@ def test_the_flight_stays_below_the_ceiling() -> None:
 
     flight.until(descends)
     assert 21 < max(tops) <= 22.01
-    flight.state = lambda _height, _point: PointState.UNSAFE
-    flight.fly_to(Phase.SURVEY)
+    flight.having(state=lambda _height, _point: PointState.UNSAFE).fly_to(Phase.SURVEY)
     assert 20 < flight.position[2] <= 22.01
     assert not any("not climbing" in text for text in flight.texts)
 

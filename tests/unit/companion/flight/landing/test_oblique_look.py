@@ -107,8 +107,7 @@ def test_a_look_into_blocked_air_ends_without_a_climb() -> None:
 
 def test_the_closer_look_comes_after_the_one_from_aside() -> None:
     flight = over_wet_ground(0.04)
-    flight.footing = Footing(unseen=0.2)
-    flight.fly_to(Phase.LANDED)
+    flight.having(footing=Footing(unseen=0.2)).fly_to(Phase.LANDED)
     said = [text for text in flight.texts if "looking" in text]
     assert said == [TEXT, "SLZ: 20% of 0.3 m hazards unseen: looking closer"]
 

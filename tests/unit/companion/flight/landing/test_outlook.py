@@ -71,7 +71,6 @@ def test_nothing_is_told_on_the_ground_and_the_autopilot_s_own_mode_when_it_flie
     flight = Flight([zone(1, 20, 0)])
     for _ in range(100):
         flight.step()
-    flight.failsafe, flight.mode = True, "RTL"
-    flight.step()
+    flight.having(failsafe=True, mode="RTL").step()
     assert flight.executive.phase is Phase.FAILSAFE
     assert told(flight) == ("RTL flies by itself, no commands", "")

@@ -62,15 +62,13 @@ def test_a_landing_on_the_wing_is_not_taken_up_again(tmp_path: Path) -> None:
 
 def test_the_point_taken_up_again_is_broken_off_when_it_proves_unsafe(tmp_path: Path) -> None:
     flight = restarted(tmp_path, left_at([20, 0, 0]), mode="LAND")
-    flight.state = lambda _height, _point: PointState.UNSAFE
-    flight.run(0.5)
+    flight.having(state=lambda _height, _point: PointState.UNSAFE).run(0.5)
     assert flight.executive.tally.abort_reasons == ["point unsafe"]
 
 
 def test_a_point_that_is_not_seen_again_in_time_is_broken_off(tmp_path: Path) -> None:
     flight = restarted(tmp_path, left_at([20, 0, 0]), mode="LAND", height=30.0)
-    flight.state = lambda _height, _point: PointState.UNKNOWN
-    flight.run(6)
+    flight.having(state=lambda _height, _point: PointState.UNKNOWN).run(6)
     assert flight.executive.phase is Phase.FINAL
     flight.run(4)
     assert flight.executive.tally.abort_reasons == ["point unknown"]
@@ -118,8 +116,7 @@ def test_nothing_is_said_on_the_ground_and_of_a_first_start(tmp_path: Path) -> N
 def test_without_a_position_the_pilot_is_told_after_three_seconds(tmp_path: Path) -> None:
     state = StateDir(tmp_path)
     LandingMemory(state).keep(left_at([20, 0, 0]))
-    flight = Flight([], height=8.0)
-    flight.mode, flight.blind = "LAND", True
+    flight = Flight([], height=8.0).having(mode="LAND", blind=True)
     restart = Restart(LandingMemory(state))
     for _ in range(40):
         flight.step()

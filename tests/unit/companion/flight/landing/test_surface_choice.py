@@ -50,8 +50,7 @@ def test_a_zone_to_be_confirmed_is_not_chosen(surface: SurfaceHere) -> None:
 
 
 def test_a_zone_to_be_confirmed_is_not_looked_at_either() -> None:
-    flight = Flight([])
-    flight.prior_zones = [zone(1, 10, 0, surface=ROOF), zone(2, 20, 0)]
+    flight = Flight([]).having(prior_zones=[zone(1, 10, 0, surface=ROOF), zone(2, 20, 0)])
     report = flight.situation().report
     assert report is not None
     found = look_at(report, [], P)
@@ -99,8 +98,7 @@ def test_an_emergency_says_it_once_when_the_surface_shows_on_the_way() -> None:
     flight = airborne(zone(2, 60, 0, surface=BARE))
     flight.executive.orders.land_now(flight.situation())
     flight.fly_to(Phase.APPROACH).run(2)
-    flight.surface = lambda _point: ROOF
-    flight.fly_to(Phase.LANDED)
+    flight.having(surface=lambda _point: ROOF).fly_to(Phase.LANDED)
     assert flight.texts.count("SLZ: landing on a roof, 25 m up") == 1
 
 
@@ -108,8 +106,7 @@ def test_a_low_battery_turns_away_from_the_way_to_bare_ground_for_no_roof() -> N
     flight = airborne(zone(1, 3, 0, surface=ROOF), battery_land_pct=20.0)
     flight.executive.orders.land_at_point(flight.situation(), np.array([90.0, 0.0, 0.0]))
     flight.fly_to(Phase.APPROACH).run(1)
-    flight.battery_pct = 5.0
-    flight.run(2)
+    flight.having(battery_pct=5.0).run(2)
     assert flight.executive.progress.is_urgent
     aim = flight.executive.aim_enu_m
     assert aim is not None
@@ -214,22 +211,19 @@ def test_ground_that_turns_out_to_need_a_confirmation_breaks_off(
 ) -> None:
     flight = Flight([zone(1, 40, 0, surface=BARE)]).fly_to(phase)
     flight.run(1)
-    flight.surface = lambda _point: surface
-    flight.run(0.2)
+    flight.having(surface=lambda _point: surface).run(0.2)
     assert flight.executive.phase is Phase.CLIMB
     assert flight.executive.tally.abort_reasons == [f"{words}: not confirmed"]
 
 
 def test_a_confirmed_roof_that_is_a_crop_breaks_off() -> None:
     flight = ordered_twice(airborne(ROOF_ZONE)).fly_to(Phase.DESCEND)
-    flight.surface = lambda _point: CROP
-    flight.fly_to(Phase.CLIMB)
+    flight.having(surface=lambda _point: CROP).fly_to(Phase.CLIMB)
     assert flight.executive.tally.abort_reasons == ["low vegetation: not confirmed"]
 
 
 def test_a_landing_taken_up_after_a_restart_was_confirmed_before() -> None:
-    flight = Flight([], auto=False, height=6.0)
-    flight.mode, flight.surface = "LAND", lambda _point: ROOF
+    flight = Flight([], auto=False, height=6.0).having(mode="LAND", surface=lambda _point: ROOF)
     flight.executive.resume_landing(flight.situation(), np.zeros(3))
     flight.fly_to(Phase.LANDED)
     assert flight.executive.tally.aborts == 0

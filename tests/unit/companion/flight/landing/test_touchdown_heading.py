@@ -47,8 +47,7 @@ def test_an_unknown_heading_is_not_one_at_which_the_gear_stands() -> None:
 
 def test_the_vehicle_turns_before_it_descends_and_lands_at_that_heading() -> None:
     flight = Flight([zone(1, 30, 0)], survey_s=5)
-    flight.footing = Footing((135, 315))
-    flight.fly_to(Phase.DESCEND)
+    flight.having(footing=Footing((135, 315))).fly_to(Phase.DESCEND)
     assert min(abs(turn_of(flight) - 135), abs(turn_of(flight) - 315)) < 10
     flight.fly_to(Phase.LANDED)
 
@@ -56,9 +55,7 @@ def test_the_vehicle_turns_before_it_descends_and_lands_at_that_heading() -> Non
 def test_a_vehicle_that_does_not_turn_does_not_descend() -> None:
     flight = Flight([zone(1, 30, 0)], survey_s=5)
     flight.fly_to(Phase.APPROACH)
-    flight.turns, flight.heading_deg = False, 0.0
-    flight.footing = Footing((90, 270))
-    flight.run(60)
+    flight.having(turns=False, heading_deg=0.0, footing=Footing((90, 270))).run(60)
     assert Phase.DESCEND not in flight.phases
 
 
@@ -70,17 +67,14 @@ def test_sinking_waits_while_the_gear_would_not_stand() -> None:
     height = flight.position[2]
     flight.run(3)
     assert flight.position[2] > height - 0.5
-    flight.turns = True
-    flight.fly_to(Phase.LANDED)
+    flight.having(turns=True).fly_to(Phase.LANDED)
     assert turn_of(flight) == pytest.approx(90, abs=10)
 
 
 def test_a_vehicle_turned_away_in_the_autopilots_landing_breaks_off() -> None:
     flight = Flight([zone(1, 30, 0)], survey_s=5)
-    flight.footing = Footing((90,))
-    flight.fly_to(Phase.FINAL)
-    flight.heading_deg = 130.0
-    flight.fly_to(Phase.CLIMB)
+    flight.having(footing=Footing((90,))).fly_to(Phase.FINAL)
+    flight.having(heading_deg=130.0).fly_to(Phase.CLIMB)
     assert flight.executive.tally.abort_reasons == ["heading unsafe"]
 
 
@@ -88,8 +82,7 @@ def test_a_vehicle_turned_away_in_the_autopilots_landing_breaks_off() -> None:
 
 
 def test_the_vehicle_circles_the_point_until_hazards_there_would_have_been_seen() -> None:
-    flight = Flight([zone(1, 30, 0)], survey_s=5)
-    flight.footing = Footing(unseen=0.2)
+    flight = Flight([zone(1, 30, 0)], survey_s=5).having(footing=Footing(unseen=0.2))
     flight.fly_to(Phase.APPROACH).until(lambda f: any("looking closer" in text for text in f.texts))
     flight.run(8)
     track = np.array([flight.position[:2]])
@@ -97,30 +90,25 @@ def test_the_vehicle_circles_the_point_until_hazards_there_would_have_been_seen(
         track = np.vstack([track, flight.run(1).position[:2]])
     assert np.ptp(track, axis=0).min() > 1.5
     assert Phase.DESCEND not in flight.phases
-    flight.footing = Footing(unseen=0.005)
-    flight.fly_to(Phase.LANDED)
+    flight.having(footing=Footing(unseen=0.005)).fly_to(Phase.LANDED)
 
 
 def test_a_look_ends_after_a_while_and_says_what_stays_unseen() -> None:
     flight = Flight([zone(1, 30, 0)], survey_s=5)
-    flight.footing = Footing(unseen=0.2)
-    flight.fly_to(Phase.LANDED)
+    flight.having(footing=Footing(unseen=0.2)).fly_to(Phase.LANDED)
     assert any("20% of 0.3 m hazards stay unseen" in text for text in flight.texts)
 
 
 @pytest.mark.parametrize("footing", [ANY_FOOTING, Footing(unseen=0.0)])
 def test_ground_well_seen_or_without_evidence_of_cells_takes_no_look(footing: Footing) -> None:
     flight = Flight([zone(1, 30, 0)], survey_s=5)
-    flight.footing = footing
-    flight.fly_to(Phase.LANDED)
+    flight.having(footing=footing).fly_to(Phase.LANDED)
     assert not any("hazards" in text for text in flight.texts)
 
 
 def test_a_look_into_blocked_air_ends_without_a_climb_and_the_landing_goes_on() -> None:
-    flight = Flight([zone(1, 30, 0)], survey_s=5)
-    flight.footing = Footing(unseen=0.2)
-    flight.blocked = lambda f: f.position[1] > 0.2 and f.velocity_wanted[1] > 0.2
-    flight.fly_to(Phase.LANDED)
+    flight = Flight([zone(1, 30, 0)], survey_s=5).having(footing=Footing(unseen=0.2))
+    flight.having(blocked=lambda f: f.position[1] > 0.2 and f.velocity_wanted[1] > 0.2).fly_to(Phase.LANDED)
     assert not any("climbing" in text for text in flight.texts)
     assert flight.executive.tally.abort_reasons == []
 

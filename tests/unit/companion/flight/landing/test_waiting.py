@@ -25,10 +25,8 @@ def test_too_low_over_ground_the_pilot_is_told_why_nothing_begins() -> None:
 def test_the_height_above_home_does_not_count(home_m: float) -> None:
     """Home on a hill or in a valley: 19 m over the ground it begins, at 3 m it does not."""
     flight = Flight([zone(1, 0, 0)], height=19.0)
-    flight.home_m = home_m
-    flight.fly_to(Phase.SURVEY)
-    low = Flight([zone(1, 0, 0)], height=3.0)
-    low.home_m = home_m
+    flight.having(home_m=home_m).fly_to(Phase.SURVEY)
+    low = Flight([zone(1, 0, 0)], height=3.0).having(home_m=home_m)
     assert waiting("lower than 5 m over ground", low)
 
 
@@ -56,40 +54,33 @@ def test_each_reason_to_wait_is_told_once(name: str, value: object, reason: str)
 def test_a_climb_is_no_reason_to_warn(height_m: float, reason: str) -> None:
     """It ends by itself; what the pilot would have to mend is a warning in the climb, too."""
     flight = Flight([zone(1, 0, 0)], height=height_m)
-    flight.flown = np.array([0.0, 0.0, 0.4])
-    flight.run(8)
+    flight.having(flown=np.array([0.0, 0.0, 0.4])).run(8)
     assert list(zip(flight.texts, flight.severities, strict=True)) == [
         (f"SLZ: {reason}: waiting", Severity.INFO)
     ]
-    flight.lidar_ok = False
-    flight.run(6)
+    flight.having(lidar_ok=False).run(6)
     assert (flight.texts[-1], flight.severities[-1]) == ("SLZ: LiDAR lost: waiting", Severity.WARNING)
 
 
 def test_what_lasts_after_the_climb_is_a_warning() -> None:
     flight = Flight([zone(1, 0, 0)], height=1.0)
-    flight.flown = np.array([0.0, 0.0, 0.31])
-    flight.run(6)
-    flight.flown = np.zeros(3)
-    flight.run(6)
+    flight.having(flown=np.array([0.0, 0.0, 0.31])).run(6)
+    flight.having(flown=np.zeros(3)).run(6)
     assert flight.texts == ["SLZ: lower than 5 m over ground: waiting"] * 2
     assert flight.severities == [Severity.INFO, Severity.WARNING]
 
 
 def test_nothing_is_told_to_who_does_not_hand_over() -> None:
     flight = Flight([zone(1, 0, 0)], height=2.0)
-    flight.mode = "LOITER"
-    assert flight.run(30).texts == []
+    assert flight.having(mode="LOITER").run(30).texts == []
 
 
 def test_a_reason_of_a_moment_is_not_told_and_is_told_again_after_the_next_hand_over() -> None:
     flight = Flight([zone(1, 0, 0)], height=2.0)
     assert flight.run(4).texts == []
     flight.run(10)
-    flight.mode = "LOITER"
-    flight.run(1)
-    flight.mode = "GUIDED"
-    flight.run(10)
+    flight.having(mode="LOITER").run(1)
+    flight.having(mode="GUIDED").run(10)
     assert flight.texts == ["SLZ: lower than 5 m over ground: waiting"] * 2
 
 
@@ -99,7 +90,5 @@ def test_what_is_waited_for_is_known_as_long_as_it_is() -> None:
     assert flight.run(8).commands[-1][3].lasting == "SLZ: lower than 5 m over ground: waiting"
     flight.position[2] = 8.0
     assert flight.fly_to(Phase.APPROACH).commands[-1][3].lasting == ""
-    flight.lidar_ok = False
-    assert flight.run(1).commands[-1][3].lasting == "SLZ: LiDAR lost: holding"
-    flight.lidar_ok = True
-    assert flight.run(0.3).commands[-1][3].lasting == ""
+    assert flight.having(lidar_ok=False).run(1).commands[-1][3].lasting == "SLZ: LiDAR lost: holding"
+    assert flight.having(lidar_ok=True).run(0.3).commands[-1][3].lasting == ""

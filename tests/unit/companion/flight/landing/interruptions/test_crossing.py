@@ -97,8 +97,7 @@ def test_what_stands_on_the_ground_after_somebody_left_breaks_the_landing_off() 
 def test_a_person_does_not_make_it_wait_for_a_vehicle_beside_him() -> None:
     flight = landing(4.0)
     at_s = flight.time_s + 4.0
-    flight.moving = lambda f: (crosser(f, at_s), crosser(f, at_s, **CAR))
-    flight.fly_to(Phase.CLIMB)
+    flight.having(moving=lambda f: (crosser(f, at_s), crosser(f, at_s, **CAR))).fly_to(Phase.CLIMB)
     assert not any("waiting" in text for text in flight.texts)
 
 
@@ -120,8 +119,7 @@ def test_people_who_keep_coming_are_waited_for_a_minute_in_all() -> None:
 def test_a_vehicle_breaks_the_landing_off_and_the_point_is_tried_again() -> None:
     flight = landing(4.0, **CAR).fly_to(Phase.CLIMB)
     assert flight.executive.tally.abort_reasons == ["object of 1.5 m moves in"]
-    flight.moving = lambda _: ()
-    flight.fly_to(Phase.LANDED)
+    flight.having(moving=lambda _: ()).fly_to(Phase.LANDED)
     assert np.hypot(*(flight.position[:2] - 5.0)) < 1
 
 

@@ -13,9 +13,7 @@ def landing_out_of_reach(until_m: float, from_m: float = 9.0) -> Flight:
     """A landing whose link is out between two heights; back, it is heard before its poses are."""
     flight = Flight([zone(1, 10, 0), zone(2, -20, 0)]).fly_to(Phase.FINAL)
     flight.until(lambda f: f.position[2] < from_m)
-    flight.blind, flight.obeys, flight.lidar_ok = True, False, False
-    flight.lost = MissingInput.LINK_LOST
-    flight.run(2.0)
+    flight.having(blind=True, obeys=False, lidar_ok=False, lost=MissingInput.LINK_LOST).run(2.0)
     flight.heard = flight.connected = False
     flight.until(lambda f: f.position[2] < until_m)
     flight.heard = flight.connected = flight.obeys = True
@@ -39,8 +37,7 @@ def test_the_point_is_judged_anew_when_it_is_seen_again() -> None:
     flight = landing_out_of_reach(until_m=6.0)
     flight.run(1)
     assert flight.executive.phase is Phase.FINAL
-    flight.lidar_ok, flight.state = True, lambda _height, _point: PointState.UNSAFE
-    flight.run(0.5)
+    flight.having(lidar_ok=True, state=lambda _height, _point: PointState.UNSAFE).run(0.5)
     assert flight.mode == "GUIDED"
     assert flight.executive.tally.abort_reasons == ["position lost", "point unsafe"]
 
@@ -52,8 +49,7 @@ def test_the_operator_s_abort_holds_through_an_outage_down_to_the_commit_height(
     flight.obeys = False
     assert flight.executive.orders.abort(flight.situation()).accepted
     flight.run(0.5)
-    flight.heard = False
-    flight.until(lambda f: f.position[2] < height_m)
+    flight.having(heard=False).until(lambda f: f.position[2] < height_m)
     assert AGAIN not in flight.texts
     flight.heard = flight.obeys = True
     flight.run(0.5)
@@ -67,8 +63,7 @@ def test_an_abort_that_the_autopilot_refuses_ends_at_the_commit_height() -> None
     flight.until(lambda f: f.position[2] < 2)
     assert flight.commands[-1][3].mode == "guided"
     flight.until(lambda f: f.position[2] < 1.4)
-    flight.obeys = True
-    flight.fly_to(Phase.LANDED)
+    flight.having(obeys=True).fly_to(Phase.LANDED)
     assert flight.mode == "LAND"
 
 
@@ -81,7 +76,6 @@ def test_an_abort_just_above_the_commit_height_is_carried_out_though_it_is_obeye
     flight.obeys, flight.state = False, lambda _height, _point: PointState.UNSAFE
     flight.fly_to(Phase.CLIMB).run(delay_s)
     assert flight.position[2] < 1.5
-    flight.mode = "GUIDED"
-    flight.run(5)
+    flight.having(mode="GUIDED").run(5)
     assert flight.position[2] > 5
     assert flight.texts[-1] == "SLZ: abort: point unsafe"

@@ -107,8 +107,7 @@ def test_the_emergency_s_zone_is_known_before_it_is_ordered() -> None:
 
 def test_in_a_strong_wind_the_farther_zone_downwind_is_reached_sooner() -> None:
     one = hovering((0, 60), (0, -80))
-    one.wind = wind(0.0, 10.0)
-    one.step()
+    one.having(wind=wind(0.0, 10.0)).step()
     assert emergency(one).zone_id == 2
 
 
@@ -120,6 +119,5 @@ def test_a_battery_that_does_not_last_is_said() -> None:
     one = hovering((0, 300))
     one.battery_pct = 12.0
     for pct in (12.0, 11.0, 10.0, 9.0):
-        one.battery_pct = pct
-        one.run(5.0)
+        one.having(battery_pct=pct).run(5.0)
     assert emergency(one).within_battery is False

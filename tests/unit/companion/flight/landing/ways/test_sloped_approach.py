@@ -105,16 +105,14 @@ def test_air_that_stays_unseen_is_not_flown_through() -> None:
 def test_what_enters_the_way_in_breaks_the_landing_off() -> None:
     one = flight(made())
     one.fly_to(Phase.DESCEND).run(5)
-    one.corridors = lambda _flight: made(all_of=int(UNSAFE))
-    one.fly_to(Phase.CLIMB)
+    one.having(corridors=lambda _flight: made(all_of=int(UNSAFE))).fly_to(Phase.CLIMB)
     assert any("abort: way in blocked" in text for text in one.texts)
 
 
 def test_something_ahead_breaks_the_landing_off_after_a_second() -> None:
     one = flight(made())
     one.fly_to(Phase.DESCEND).run(3)
-    one.blocked = lambda _flight: True
-    one.run(0.5)
+    one.having(blocked=lambda _flight: True).run(0.5)
     assert one.executive.phase is Phase.DESCEND
     one.run(1.5)
     assert one.executive.phase is Phase.CLIMB
@@ -141,8 +139,7 @@ def test_a_point_without_any_way_in_is_refused() -> None:
 def test_what_comes_beside_the_point_breaks_a_vertical_descent_off() -> None:
     one = flight(made(), approach_path="vertical")
     one.fly_to(Phase.DESCEND).run(2)
-    one.corridors = lambda _flight: made({(0, 90.0): int(UNSAFE)})
-    one.fly_to(Phase.CLIMB)
+    one.having(corridors=lambda _flight: made({(0, 90.0): int(UNSAFE)})).fly_to(Phase.CLIMB)
     assert any("abort: way in blocked" in text for text in one.texts)
 
 
@@ -156,8 +153,7 @@ def test_what_comes_beside_the_point_breaks_the_autopilot_s_landing_off() -> Non
     one = flight(made(), approach_path="vertical")
     one.fly_to(Phase.FINAL).run(1)
     assert one.position[2] > 5
-    one.corridors = lambda _flight: made({(0, 90.0): int(UNSAFE)})
-    one.fly_to(Phase.CLIMB)
+    one.having(corridors=lambda _flight: made({(0, 90.0): int(UNSAFE)})).fly_to(Phase.CLIMB)
     assert any("abort: way in blocked" in text for text in one.texts)
 
 
@@ -176,6 +172,5 @@ def test_a_wire_over_the_point_is_named_as_the_reason() -> None:
     one = Flight([zone(1, 0, 0)], height=20.0)
     one.fly_to(Phase.DESCEND)
     one.wires = (Wire(1, across, 0.0, 40.0, 0.0, 40.0, (False, False), 50, 1, 2),)
-    one.state = lambda _height, _point: PointState.UNSAFE
-    one.fly_to(Phase.CLIMB)
+    one.having(state=lambda _height, _point: PointState.UNSAFE).fly_to(Phase.CLIMB)
     assert one.executive.tally.abort_reasons == ["point unsafe: wire"]

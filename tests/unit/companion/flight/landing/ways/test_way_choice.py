@@ -45,8 +45,7 @@ def test_out_of_the_point_it_leaves_against_the_wind() -> None:
 
 
 def test_best_ways_in_and_out_are_those_of_the_selected_point() -> None:
-    flight = Flight([zone(1, 0, 0)], height=20.0)
-    flight.wind = wind(90.0)
+    flight = Flight([zone(1, 0, 0)], height=20.0).having(wind=wind(90.0))
     assert flight.executive.ways(flight.situation()) == (None, None)
     flight.corridors = lambda _flight: made()
     flight.selected = np.zeros(3)

@@ -19,8 +19,7 @@ def under_a_roof(f: Flight) -> bool:
 
 
 def aborted_at(height_m: float, corridors: Corridors | None) -> Flight:
-    one = Flight([zone(1, 0, 0)], height=20.0)
-    one.corridors = lambda _flight: made()
+    one = Flight([zone(1, 0, 0)], height=20.0).having(corridors=lambda _flight: made())
     one.until(lambda f: f.executive.phase in (Phase.DESCEND, Phase.FINAL) and f.position[2] < height_m)
     one.state = lambda _height, _point: PointState.UNSAFE
     one.corridors = lambda _flight: corridors
