@@ -15,7 +15,9 @@ from tests.e2e.harness import POINT_RATE_HZ, Mission
 
 RATE_HZ = {"vlp16": round(vlp16.RATE_HZ)}  # its own: thinned to 50,000 it takes specks of dust for objects
 ON_REQUEST = [  # for their time
-    pytest.param("plain", 3, "mid360", marks=pytest.mark.bench),  # as tests/e2e/test_map_frames.py flies it
+    pytest.param(
+        "plain", 3, "mid360", marks=pytest.mark.bench
+    ),  # as tests/e2e/test_external_odometry.py flies it
     pytest.param("plain", 3, "ouster", marks=pytest.mark.bench),
     pytest.param("plain", 4, "sf45", marks=pytest.mark.bench),
     pytest.param("plain", 2, "vlp16", marks=pytest.mark.bench),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 
 import numpy as np
@@ -14,6 +15,7 @@ from slz.lanes import BESIDE, MAIN, Lanes, unmet
 from slz.map_ground import Ground
 from slz.stages import BELIEF, GIVEN, METHOD
 from slz.window_returns import Flag, Returns
+from tests import REPOSITORY
 
 ORDER = [
     ("range_gate", MAIN),
@@ -131,3 +133,29 @@ def test_the_error_of_a_stage_beside_reaches_the_caller() -> None:
     stages = [Failing("bad", "p", "a", BESIDE, []), Noting("own", "p", "b", MAIN, [])]
     with pytest.raises(ArithmeticError, match="bad"):
         Lanes(2).run(stages, None, None, {})
+
+
+# Existence of the tests that docs/sources.md names.
+
+
+PAGE = (REPOSITORY / "docs" / "sources.md").read_text("utf-8")
+HOME = "tests/unit/slz/test_departures.py"
+
+
+def test_every_test_named_on_the_page_of_departures_exists() -> None:
+    named = re.findall(r"`([\w/.]*)::(test_\w+)`", PAGE)
+    assert len(named) > 20
+    for file, test in named:
+        assert f"def {test}(" in (REPOSITORY / (file or HOME)).read_text("utf-8"), f"{file}::{test}"
+
+
+def test_every_row_of_departures_names_a_test() -> None:
+    dangers = re.findall(r"^\| (\d+) \| (?!`[\w/.]*::)", PAGE, re.MULTILINE)
+    tests = re.findall(r"^\| (\d+) \| `[\w/.]*::test_", PAGE, re.MULTILINE)
+    assert dangers == tests == [str(row) for row in range(1, len(dangers) + 1)]
+
+
+def test_every_gap_filled_names_a_test() -> None:
+    bullets = PAGE.split("## Gaps and misprints filled")[1].split("\n- ")[1:]
+    assert bullets
+    assert all("::test_" in bullet for bullet in bullets)

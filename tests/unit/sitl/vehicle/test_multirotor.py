@@ -1,5 +1,7 @@
 """The true multirotor: gravity, thrust, attitude, wind, and the ground under it."""
 
+from __future__ import annotations
+
 import math
 
 import numpy as np
@@ -8,8 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sitl.autopilot.cascade_control import attitude_for
+from sitl.vehicle.ground_effect import ROTOR_OVER_FEET_M, ROTOR_RADIUS_M, ground_effect
 from sitl.vehicle.multirotor import DRAG_PER_S, GRAVITY_MS2, Vehicle
+from sitl.vehicle.pose_track import PoseTrack
 from sitl.vehicle.rigid_body import rotate, to_euler
+from sitl.vehicle.wind_field import GUST_TAU_S, WindField, wind_profile
 
 DT_S = 0.0025
 STILL = np.zeros(3)
@@ -145,3 +150,99 @@ def test_a_new_flight_forgets_the_last_touchdown() -> None:
     fly(body, 2.5, GRAVITY_MS2 + 1.0)
     assert body.truth.pos_enu_m[2] > 2.0
     assert body.contact is None
+
+
+# Ground effect of the simulated rotors.
+
+
+def test_thrust_one_radius_over_the_ground_rises_by_a_fifteenth() -> None:
+    assert ground_effect(ROTOR_RADIUS_M - ROTOR_OVER_FEET_M) == pytest.approx(16 / 15)
+
+
+def test_the_effect_fades_with_height_and_is_bounded_below() -> None:
+    heights = (-5.0, -0.2, 0.0, 0.5, 1.0, 5.0, 1e6)
+    factors = [ground_effect(height) for height in heights]
+    assert factors == sorted(factors, reverse=True)
+    assert factors[0] < 1.34
+    assert factors[4] < 1.002
+    assert factors[-1] == pytest.approx(1.0)
+
+
+def test_a_vehicle_near_the_ground_is_accelerated_upwards_by_the_additional_thrust() -> None:
+    near, far = (Vehicle(np.random.default_rng(1), (0.0, 0.0, up), 0.0, 0.0) for up in (0.4, 50.0))
+    for body in (near, far):
+        for tick in range(160):  # until the motors have their speed
+            body.update(DT_S, tick * 2_500_000, (np.zeros(3), GRAVITY_MS2), 0.0)
+    additional = near.truth.acc_enu_ms2[2] - far.truth.acc_enu_ms2[2]
+    share = ground_effect(near.truth.pos_enu_m[2]) - 1
+    assert share > 0.005
+    assert additional == pytest.approx(GRAVITY_MS2 * share, rel=0.15)
+
+
+# Poses between ticks against NumPy's interpolation.
+
+
+def test_poses_between_ticks_are_interpolated_and_kept_beyond_the_ends() -> None:
+    rng, track = np.random.default_rng(3), PoseTrack()
+    stamps = 5_000_000_000 + np.cumsum(rng.integers(1, 4_000_000, 6))
+    quats = rng.normal(1.0, 0.1, (6, 4))
+    quats /= np.linalg.norm(quats, axis=1)[:, np.newaxis]
+    positions = rng.normal(0.0, 9.0, (6, 3))
+    for k, stamp in enumerate(stamps.tolist()):
+        track.add(stamp, positions[k], quats[k] if k % 2 else -quats[k])  # the same attitude
+    when = np.sort(np.concatenate([stamps, rng.integers(stamps[0] - 99, stamps[-1] + 99, 300)]))
+    position, quat = track.at(when)
+    for found, true in ((position, positions), (quat, -quats)):
+        lines = np.column_stack([np.interp(when, stamps, true[:, i]) for i in range(true.shape[1])])
+        if found is quat:
+            lines /= np.linalg.norm(lines, axis=1)[:, np.newaxis]
+        np.testing.assert_allclose(found, lines, rtol=0, atol=1e-12)
+
+
+# True wind: direction, profile over height, and gusts.
+
+
+STEP_S = 0.05
+
+
+def field(seed: int = 1, **how: float) -> WindField:
+    return WindField(np.random.default_rng(seed), **how)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("from_deg", "towards"), [(0.0, (0, -1)), (90.0, (-1, 0)), (180.0, (0, 1)), (270.0, (1, 0))]
+)
+def test_it_blows_away_from_where_it_comes(from_deg: float, towards: tuple[float, float]) -> None:
+    mean = field(mean_ms=5.0, from_deg=from_deg).mean_enu_ms
+    np.testing.assert_allclose(mean, [5.0 * towards[0], 5.0 * towards[1], 0.0], atol=1e-9)
+
+
+def test_the_stated_mean_is_that_ten_metres_over_the_ground() -> None:
+    calm = field(mean_ms=8.0, from_deg=270.0, gust_ms=0.0)
+    assert calm.advance(STEP_S, 10.0)[0] == pytest.approx(8.0)
+    assert (
+        calm.advance(STEP_S, 2.0)[0] == pytest.approx(8.0 * wind_profile(2.0)) == pytest.approx(5.8, abs=0.01)
+    )
+
+
+def test_wind_is_less_near_the_ground_and_none_on_it() -> None:
+    shares = [wind_profile(height) for height in (-1.0, 0.0, 0.5, 2.0, 10.0, 30.0, 100.0, 500.0)]
+    assert shares[:2] == [0.0, 0.0]
+    assert shares == sorted(shares)
+    assert shares[3] == pytest.approx(math.log(1 + 2 / 0.03) / math.log(1 + 10 / 0.03))
+    assert shares[5] == pytest.approx(1.19, abs=0.01)
+    assert shares[6] == shares[7]
+
+
+def test_gusts_have_the_stated_deviation_and_a_third_of_the_mean_by_default() -> None:
+    for how, deviation in (({"gust_ms": 2.0}, 2.0), ({}, 3.0)):
+        blowing = field(mean_ms=9.0, from_deg=0.0, **how)
+        seen = np.array([blowing.advance(STEP_S, 10.0) for _ in range(round(2000 * GUST_TAU_S / STEP_S))])
+        assert np.std(seen[:, :2], axis=0) == pytest.approx([deviation] * 2, rel=0.1)
+        assert np.std(seen[:, 2]) == pytest.approx(0.3 * deviation, rel=0.1)
+
+
+def test_a_given_direction_leaves_the_gusts_of_a_seed_as_they_are() -> None:
+    drawn, given = field(mean_ms=6.0), field(mean_ms=6.0, from_deg=120.0)
+    gusts = [f.advance(STEP_S, 10.0) - f.mean_enu_ms for f in (drawn, given)]
+    np.testing.assert_allclose(gusts[0], gusts[1])

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import pymap3d
 import pytest
 
+from sitl.world.geodetic import geodetic_of
 from sitl.world.primitives import Box, Cylinder, Ground, Kind, Wire
 from sitl.world.world import World
 
@@ -87,3 +89,19 @@ def test_what_it_refuses_is_said_plainly() -> None:
         world.cast(np.zeros((2, 3)), np.zeros((3, 3)), 10.0)
     with pytest.raises(KeyError):
         world.move("bus", 0, 0, 0)
+
+
+# Geodetic coordinates of one point against pymap3d.
+
+
+@pytest.mark.parametrize(
+    "origin", [(47.4, 8.5, 488.0), (-35.4, 149.2, 584.0), (0.0, 179.0, 0.0), (78.2, -15.6, 9000.0)]
+)
+@pytest.mark.parametrize("reach_m", [0.0, 100.0, 20_000.0])
+def test_it_is_that_of_pymap3d_to_a_micrometre(origin: tuple[float, float, float], reach_m: float) -> None:
+    for enu in np.random.default_rng(1).uniform(-reach_m, reach_m, (20, 3)):
+        found, expected = geodetic_of(tuple(enu), origin), pymap3d.enu2geodetic(*enu, *origin)
+        np.testing.assert_allclose(found[:2], expected[:2], rtol=0, atol=1e-11)
+        assert found[2] == pytest.approx(float(expected[2]), abs=1e-6)
+        back = pymap3d.geodetic2enu(*found, *origin)
+        np.testing.assert_allclose(back, enu, atol=1e-6)

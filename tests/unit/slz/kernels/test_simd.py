@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.jit import kernel
+from slz.kernels.ranks import median, ranked
 from slz.kernels.simd import (
     LANES,
     broadcast,
@@ -132,3 +133,16 @@ def test_columns_are_those_of_16_rows_of_16_numbers(at: int) -> None:
     in_columns(values, at, out)
     rows = values[at : at + LANES * LANES].reshape(LANES, LANES)
     np.testing.assert_array_equal(out.reshape(LANES, LANES), rows.T)
+
+
+# Ranked values and medians against sorting.
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 10, 101])
+@pytest.mark.parametrize("most", [1, 5, 10_000])
+def test_ranked_values_and_medians_are_those_of_the_sorted_ones(n: int, most: int) -> None:
+    values = np.random.default_rng(n).integers(0, most, n).astype(np.float32)
+    assert [ranked(values.copy(), k) for k in range(n)] == sorted(values)
+    assert median(values.copy()) == np.median(values)
+    many = values.copy()
+    assert (ranked(many, n // 3), ranked(many, n // 2)) == tuple(np.sort(values)[[n // 3, n // 2]])

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from slz.kernels.instruments.phase_unwrapping import unwrap_by_quality
 from slz.radar.accuracy import coherence, height_error_m, phase_error_rad, whole_height_error_m
+from slz.radar.interferogram import interferogram
 from slz.radar.interferometer import Interferometer
+from slz.radar.line_buffer import RadarLines
 
 LOOKS = np.radians(np.arange(30.0, 61.0, 5.0))
 H_M = 75.0
@@ -81,3 +85,101 @@ def test_equation_2_adds_squares() -> None:
 def test_impossible_radars_are_refused_by_name(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong))):
         Interferometer(**wrong)  # type: ignore[arg-type]
+
+
+# Flat-Earth phase removal, against trigonometry of the track.
+
+
+RADAR = Interferometer()
+FIRST_M, STEP_M, BINS = 70.0, 0.5, 100
+UP_M, ROLL = np.array([74.0, 76.0, 75.0]), np.radians([0.0, 2.0, -1.0])
+
+
+def flat_phase(ranges_m: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
+    """Differences of two distances: from each antenna to level ground at a range from the first."""
+    across = np.sqrt(np.maximum(ranges_m**2 - UP_M[:, np.newaxis] ** 2, 0.0))
+    tilt = (RADAR.tilt_rad + ROLL)[:, np.newaxis]
+    b = RADAR.baseline_m
+    second = np.hypot(across - b * np.cos(tilt), UP_M[:, np.newaxis] + b * np.sin(tilt))
+    return np.asarray(RADAR.phase_rad_m * (ranges_m - second))
+
+
+def observed() -> RadarLines:
+    ranges_m = FIRST_M + STEP_M * np.arange(BINS)
+    speckle = np.exp(2j * np.pi * np.random.default_rng(1).random((3, RADAR.looks, BINS)))
+    second = speckle * np.exp(-1j * flat_phase(ranges_m))[:, np.newaxis]
+    samples = np.stack([speckle, second], axis=2).astype(np.complex64)
+    position = np.column_stack([np.zeros(3), np.arange(3.0), UP_M])
+    return RadarLines(samples, FIRST_M, STEP_M, position, 0.0, ROLL)
+
+
+def test_the_phase_of_level_ground_is_its_geometry_and_nothing_is_left_of_it() -> None:
+    lines = observed()
+    image = interferogram(lines, RADAR, common_band=False)
+    lit = lines.ranges_m > UP_M[:, np.newaxis]
+    assert image.flat_rad[lit] == pytest.approx(flat_phase(lines.ranges_m)[lit], abs=1e-5)
+    assert (image.coherence[~lit] == 0).all()
+    assert (~lit).any()
+
+
+def test_lines_of_another_number_of_looks_are_refused_with_both_numbers() -> None:
+    lines, other = observed(), Interferometer(looks=RADAR.looks + 3)
+    with pytest.raises(
+        ValueError, match=f"{RADAR.looks} looks, but the interferometer has {RADAR.looks + 3}"
+    ):
+        interferogram(lines, other)
+
+
+# Phase unwrapping along the best paths.
+
+
+F64 = NDArray[np.float64]
+
+
+def wrapped(phase: F64) -> F64:
+    return np.asarray(np.angle(np.exp(1j * phase)))
+
+
+def hills(seed: int) -> F64:
+    y, x = np.mgrid[:60, :80] / 10.0
+    a, b, c = np.random.default_rng(seed).uniform(3, 6, 3)
+    return np.asarray(a * np.sin(x) + b * np.cos(0.7 * y) + c * x)
+
+
+def test_smooth_phase_comes_back_whole_but_for_one_number_of_turns() -> None:
+    for seed in range(5):
+        true = hills(seed)
+        found, region = unwrap_by_quality(wrapped(true), np.ones(true.shape), 0.5)
+        turns = (found - true) / (2 * np.pi)
+        assert np.ptp(turns) < 1e-9
+        assert abs(turns[0, 0] - round(turns[0, 0])) < 1e-9
+        assert (region == 1).all()
+
+
+def test_one_line_is_as_numpy_unwraps_it() -> None:
+    true = np.cumsum(np.random.default_rng(2).uniform(-2.5, 2.5, 300))
+    found, _ = unwrap_by_quality(wrapped(true)[np.newaxis], np.ones((1, 300)), 0.5)
+    theirs = np.unwrap(wrapped(true))
+    assert np.allclose(found[0] - found[0, 0], theirs - theirs[0])
+
+
+def test_a_patch_of_noise_spoils_nothing_around_it() -> None:
+    true = hills(1)
+    phase, quality = wrapped(true), np.full(true.shape, 0.95)
+    phase[20:40, 30:50] = np.random.default_rng(3).uniform(-np.pi, np.pi, (20, 20))
+    quality[20:40, 30:50] = 0.85
+    found, _ = unwrap_by_quality(phase, quality, 0.5)
+    outside = np.ones(true.shape, bool)
+    outside[20:40, 30:50] = False
+    assert np.ptp((found - true)[outside]) < 1e-9
+
+
+def test_islands_are_regions_of_their_own_and_the_sea_is_unknown() -> None:
+    quality = np.full((30, 30), 0.9)
+    quality[:, 14:17] = 0.1
+    quality[5, 5] = np.nan
+    found, region = unwrap_by_quality(np.zeros((30, 30)), quality, 0.5)
+    assert set(np.unique(region)) == {0, 1, 2}
+    assert np.isnan(found[:, 14:17]).all()
+    assert np.isnan(found[5, 5])
+    assert region[0, 0] != region[0, 29]

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from itertools import permutations
 
+import pytest
+from scipy.stats import binom
+
+from companion.desk.evidence.binomial_bound import upper_bound
 from companion.desk.evidence.evidence_ledger import Entry, Ledger
 from companion.desk.evidence.evidence_runs import Runs, Seeds, one, seeds_text
 from tests.unit.companion.desk.evidence.results import NOW, OLD
@@ -138,3 +142,33 @@ def test_what_another_artefact_ran_is_not_skipped() -> None:
 
 def test_ranges_of_seeds_are_told_in_words() -> None:
     assert seeds_text(((5, 6), (0, 3), (3, 5), (9, 10))) == "0-5, 9"
+
+
+# Upper bound of a failure's probability, against SciPy's binomial distribution.
+
+
+@pytest.mark.parametrize(("failures", "runs"), [(0, 1), (0, 10_000), (3, 2_000), (99, 100), (40, 55)])
+@pytest.mark.parametrize("confidence", [0.95, 0.6])
+def test_at_the_bound_so_few_failures_are_as_improbable_as_the_confidence_says(
+    failures: int, runs: int, confidence: float
+) -> None:
+    bound = upper_bound(failures, runs, confidence)
+    assert failures / runs < bound < 1.0
+    assert binom.cdf(failures, runs, bound) == pytest.approx(1 - confidence, rel=1e-6)
+
+
+def test_without_a_failure_it_is_about_three_in_all_runs_and_never_less_than_the_exact_one() -> None:
+    assert upper_bound(0, 10_000) == pytest.approx(1 - 0.05 ** (1 / 10_000), rel=1e-9)
+    assert upper_bound(0, 10_000) == pytest.approx(3 / 10_000, rel=0.002)
+    assert upper_bound(0, 10_000) <= 0.0003
+
+
+def test_nothing_is_known_without_a_run_or_where_every_run_failed() -> None:
+    assert upper_bound(0, 0) == 1.0
+    assert upper_bound(7, 7) == 1.0
+
+
+@pytest.mark.parametrize(("failures", "runs", "confidence"), [(-1, 3, 0.95), (4, 3, 0.95), (0, 3, 1.0)])
+def test_counts_that_cannot_be_are_refused(failures: int, runs: int, confidence: float) -> None:
+    with pytest.raises(ValueError, match="failures of"):
+        upper_bound(failures, runs, confidence)

@@ -11,12 +11,14 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.doctor.autopilot_fitness import AGAIN_NS, Fitness
+from companion.flight.doctor.examination import fence_finding
+from companion.flight.doctor.parameter_check import Version, version_finding
 from companion.flight.landing.situation import Severity
 from companion.flight.link.autopilots.ardupilot import ARDUPILOT
 from companion.flight.link.autopilots.autopilot_interface import OTHER, UNKNOWN, Autopilot
 from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.vehicle_state import VehicleState
-from companion.flight.services.fence_reader import FenceReader
+from companion.flight.services.fence_reader import Area, AutopilotFence, FenceReader
 
 MS, S = 1_000_000, 1_000_000_000
 OF_4_6 = {"LAND_SPEED", "LAND_ALT_LOW"}  # of ArduCopter; 4.7 has others instead
@@ -317,3 +319,69 @@ def test_what_the_odometry_needs_is_checked_only_while_it_is_sent(
     assert with_it.fitness.values[name] == value
     without = Script(autopilot, **{name: value})
     assert without.run(5) == []
+
+
+# The fence in the words of the doctor.
+
+
+TRIANGLE = Area(((0, 0), (0, 100), (100, 0)), 0.0, True)
+
+
+@pytest.mark.parametrize(
+    ("fence", "found"),
+    [
+        (AutopilotFence(), "none"),
+        (AutopilotFence(radius_m=25.0, margin_m=4.0), "circle of 25 m; 4 m kept from it"),
+        (AutopilotFence(highest_m=96.0, lowest_m=6.0), "flown up to 96 m, down to 6 m; 2 m kept from it"),
+        (AutopilotFence(areas=(TRIANGLE,)), "1 area; 2 m kept from it"),
+        (AutopilotFence(areas=(TRIANGLE, TRIANGLE)), "2 areas; 2 m kept from it"),
+    ],
+)
+def test_a_fence_is_named_by_its_parts(fence: AutopilotFence, found: str) -> None:
+    finding = fence_finding(fence)
+    assert (finding.state, finding.found, finding.remedy) == ("ok", found, "")
+
+
+def test_a_fence_that_cannot_be_read_is_a_fault_with_a_remedy() -> None:
+    finding = fence_finding(None)
+    assert finding.state == "fail"
+    assert "--land auto does not begin" in finding.remedy
+
+
+# Firmware version: from its packed form to the doctor's text.
+
+
+def packed(major: int, minor: int, patch: int, kind: int) -> int:
+    return major << 24 | minor << 16 | patch << 8 | kind
+
+
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [(255, "release"), (192, "release candidate"), (193, "release candidate"), (128, "beta"), (64, "alpha"),
+     (0, "development"), (7, "development")],
+)  # fmt: skip
+def test_a_version_is_unpacked_with_its_kind(kind: int, name: str) -> None:
+    assert str(Version.unpack(packed(1, 17, 2, kind))) == f"1.17.2 {name}"
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "version", "state", "said"),
+    [
+        (PX4, (1, 17, 0, 255), "ok", "PX4 1.17.0 release"),
+        (PX4, (1, 18, 0, 128), "ok", "PX4 1.18.0 beta"),
+        (PX4, (1, 13, 3, 255), "warn", "PX4 1.13.3 release"),
+        (PX4, (1, 19, 0, 64), "warn", "PX4 1.19.0 alpha"),
+        (PX4, (2, 0, 0, 255), "warn", "PX4 2.0.0 release"),
+        (ARDUPILOT, (4, 7, 0, 255), "ok", "ArduPilot 4.7.0 release"),
+        (ARDUPILOT, (4, 4, 4, 255), "warn", "ArduPilot 4.4.4 release"),
+        (ARDUPILOT, (4, 8, 0, 0), "warn", "ArduPilot 4.8.0 development"),
+        (ARDUPILOT, None, "warn", "ArduPilot, version not told"),
+        (OTHER, None, "skipped", "no autopilot that is known"),
+    ],
+)
+def test_a_version_is_judged_by_what_was_tried(
+    autopilot: Autopilot, version: tuple[int, int, int, int] | None, state: str, said: str
+) -> None:
+    finding = version_finding(autopilot, None if version is None else Version.unpack(packed(*version)))
+    assert (finding.state, finding.found) == (state, said)
+    assert bool(finding.remedy) == (state == "warn")

@@ -1,5 +1,7 @@
 """Wind from the autopilot's messages, and from the tilt of the simulator's vehicle."""
 
+from __future__ import annotations
+
 import math
 from dataclasses import replace
 from typing import Any
@@ -9,6 +11,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.flight.fusion.wind_estimate import WindAverage, WindEstimate
+from companion.flight.fusion.wind_from_tilt import GRAVITY_MS2, TiltWind
 from companion.flight.geometry.wind import Wind
 from companion.flight.link.autopilots.ardupilot import ARDUPILOT
 from companion.flight.link.vehicle_state import VehicleState
@@ -199,3 +202,108 @@ def test_a_flight_unwatched_for_a_second_and_a_velocity_of_no_number_do_no_harm(
     watched(bench, 8, estimate)
     assert known(estimate, bench.now_ns).speed_ms == pytest.approx(4.0 * wind_profile(UP_M), rel=0.06)
     assert np.isfinite(known(estimate, bench.now_ns).gust_ms)
+
+
+# Force balance of a multirotor in wind, on attitudes and velocities in closed form.
+
+
+MULTIROTOR_DRAG_PER_S = 0.2
+MS = 1_000_000
+
+
+def pitched(down_deg: float, yaw_deg: float = 0.0) -> tuple[float, float, float, float]:
+    """Return the quaternion of a nose that points down by an angle, at a heading."""
+    pitch, yaw = math.radians(-down_deg) / 2, math.radians(yaw_deg) / 2
+    cp, sp, cy, sy = math.cos(pitch), math.sin(pitch), math.cos(yaw), math.sin(yaw)
+    return cp * cy, -sp * sy, sp * cy, cp * sy
+
+
+def flown(
+    quat: tuple[float, float, float, float], velocity: tuple[float, float, float], rise_ms2: float = 0.0
+) -> list[np.ndarray]:
+    """Return the winds of six seconds at a constant attitude, at 20 Hz."""
+    tilt, winds = TiltWind(MULTIROTOR_DRAG_PER_S), []
+    for step in range(120):
+        now = np.array([velocity[0], velocity[1], velocity[2] + rise_ms2 * step * 0.05])
+        wind = tilt.add(step * 50 * MS, quat, now)
+        if wind is not None:
+            winds.append(wind)
+    return winds
+
+
+def test_a_hover_with_the_nose_down_is_in_a_wind_from_ahead() -> None:
+    speed = GRAVITY_MS2 * math.tan(math.radians(7.0)) / MULTIROTOR_DRAG_PER_S
+    for yaw_deg, towards in ((0.0, (0, -1)), (90.0, (-1, 0)), (180.0, (0, 1))):
+        winds = flown(pitched(7.0, yaw_deg), (0.0, 0.0, 0.0))
+        np.testing.assert_allclose(winds, [[speed * towards[0], speed * towards[1]]] * len(winds), atol=1e-9)
+
+
+def test_a_level_vehicle_drifts_with_the_wind() -> None:
+    np.testing.assert_allclose(flown(pitched(0.0), (3.0, -2.0, 0.5))[-1], [3.0, -2.0], atol=1e-9)
+
+
+def test_a_climb_needs_more_thrust_so_the_same_tilt_is_more_wind() -> None:
+    still, rising = (flown(pitched(5.0), (0, 0, 0), rise)[-1][1] for rise in (0.0, 1.0))
+    mean_rise_ms = 4.5  # of the last three of six seconds
+    assert rising / still == pytest.approx(
+        1 + (1.0 + MULTIROTOR_DRAG_PER_S * mean_rise_ms) / GRAVITY_MS2, rel=0.01
+    )
+
+
+def test_nothing_is_known_before_three_seconds_in_fast_flight_and_at_large_angles() -> None:
+    assert len(flown(pitched(3.0), (0.0, 0.0, 0.0))) == pytest.approx(30, abs=3)  # of six seconds, at 10 Hz
+    assert flown(pitched(3.0), (9.0, 0.0, 0.0)) == []
+    assert flown(pitched(50.0), (0.0, 0.0, 0.0)) == []
+
+
+# Mean and gust of a wind.
+
+
+def blown(*speeds_ms: float, east: float = -1.0, north: float = 0.0) -> WindAverage:
+    """Return the average of one wind a second."""
+    average = WindAverage("tilt")
+    for second, speed in enumerate(speeds_ms):
+        average.add(speed * np.array([east, north]), second * S)
+    return average
+
+
+def at_end(average: WindAverage, seconds: float) -> Wind:
+    wind = average.at(round(seconds * S))
+    assert wind is not None
+    return wind
+
+
+def test_a_steady_wind_is_its_mean_and_its_gust_and_comes_from_behind_its_motion() -> None:
+    wind = at_end(blown(*[6.0] * 40), 39)
+    assert (wind.speed_ms, wind.gust_ms) == pytest.approx((6.0, 6.0))
+    assert math.degrees(wind.from_rad) == pytest.approx(90)
+    np.testing.assert_allclose(wind.towards_enu_ms, [-6.0, 0.0], atol=1e-9)
+
+
+def test_it_is_unknown_in_the_first_five_seconds_and_five_after_the_last() -> None:
+    average = blown(*[6.0] * 6)
+    assert blown(*[6.0] * 5).at(4 * S) is None
+    assert average.at(5 * S) is not None
+    assert average.at(10 * S) is not None
+    assert average.at(10 * S + 1) is None
+
+
+def test_all_of_a_short_time_counts_alike_and_thirty_seconds_of_a_long_one() -> None:
+    assert at_end(blown(*[2.0] * 5, *[8.0] * 5), 9).speed_ms == pytest.approx(5.0, abs=0.7)
+    long = at_end(blown(*[2.0] * 200, *[8.0] * 30), 229)
+    assert long.speed_ms == pytest.approx(8.0 - 6.0 * math.exp(-1), abs=0.2)
+
+
+def test_the_gust_is_the_greatest_of_the_last_minute() -> None:
+    speeds = [5.0] * 20 + [11.0] + [5.0] * 100
+    assert at_end(blown(*speeds[:70]), 69).gust_ms == 11.0
+    assert at_end(blown(*speeds), 120).gust_ms == pytest.approx(5.0, abs=0.5)
+
+
+def test_a_gap_or_a_clock_that_goes_back_begins_anew() -> None:
+    for later in (100, 2):
+        average = blown(*[9.0] * 20)
+        for second in range(later, later + 8):
+            average.add(np.array([0.0, -3.0]), second * S)
+        assert at_end(average, later + 7).speed_ms == pytest.approx(3.0)
+        assert at_end(average, later + 7).gust_ms == pytest.approx(3.0)

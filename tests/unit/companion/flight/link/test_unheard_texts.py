@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from companion.flight.link.message_rates import OldMessageWatch
 from companion.flight.link.unheard_texts import KEPT, UnheardTexts
 
 S, MS = 1_000_000_000, 1_000_000
@@ -78,3 +79,25 @@ def test_a_state_that_ended_with_the_silence_is_not_said_and_one_that_lasts_is(
     assert texts.on_heard(17 * S) == [("SLZ: 12 s ago: abort: position lost", WARNING)]
     texts.lasting = lasts
     assert heard(texts, 19 * S + 500 * MS) == said
+
+
+# When the pilot is told that the link delivers old messages.
+
+
+SECOND_NS = 1_000_000_000
+
+
+def told(per_s: int) -> list[int]:
+    """Return the seconds at which it is told, of a minute with so many old messages a second."""
+    watch = OldMessageWatch()
+    return [at_s for at_s in range(60) if watch.is_news(at_s * per_s, at_s * SECOND_NS)]
+
+
+def test_many_old_messages_are_told_once() -> None:
+    assert told(50) == [1]
+    assert told(2) == [10]
+
+
+def test_few_old_messages_are_not_told() -> None:
+    assert told(1) == []
+    assert told(0) == []

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from companion.flight.outputs.corridor_ranges import corridor_ranges
+from companion.flight.outputs.report_summary import corridor_summary
 from slz import SAFE, UNKNOWN, UNSAFE, Corridors
 
 SLOPES_DEG = (30.0, 60.0, 90.0)
@@ -84,3 +85,44 @@ def test_bearings_are_turned_to_true_north_and_lengths_to_the_ground(north_deg: 
     assert told["blocked"][0]["bearings_deg"] == [first, first]
     assert told["blocked"][0]["distance_m"] == 5.0
     assert json.loads(json.dumps(told)) == told
+
+
+# Summary of ways in and out for JSON.
+
+
+NONE = np.full((72, 3), np.nan)
+
+
+def two_corridors(sloped: int, overhead: int) -> Corridors:
+    """Return corridors of one state on all slopes, and of another straight down."""
+    states = np.full((72, 3), sloped, np.uint8)
+    states[:, -1] = overhead
+    return Corridors(np.zeros(3), (30.0, 60.0, 90.0), states, np.zeros(72), NONE)
+
+
+@pytest.mark.parametrize(
+    ("sloped", "overhead", "state", "down"),
+    [
+        (SAFE, SAFE, "clear", "clear"),
+        (UNKNOWN, SAFE, "clear", "clear"),
+        (UNKNOWN, UNSAFE, "unknown", "blocked"),
+        (UNSAFE, UNKNOWN, "unknown", "unknown"),
+        (UNSAFE, UNSAFE, "blocked", "blocked"),
+    ],
+)
+def test_the_best_way_and_that_straight_down_are_told(
+    sloped: int, overhead: int, state: str, down: str
+) -> None:
+    told = corridor_summary(two_corridors(sloped, overhead))["corridors"]
+    assert (told["state"], told["overhead"]) == (state, down)
+    assert told["bearings_deg"] == (list(range(0, 360, 5)) if sloped == SAFE else [])
+
+
+def test_clear_bearings_are_whole_degrees_clockwise_from_north() -> None:
+    found = two_corridors(int(UNSAFE), int(SAFE))
+    found.states[18, 1] = SAFE
+    assert json.loads(json.dumps(corridor_summary(found)))["corridors"]["bearings_deg"] == [90]
+
+
+def test_no_way_was_judged() -> None:
+    assert corridor_summary(None) == {"corridors": None}

@@ -12,7 +12,7 @@ import pytest
 from companion.flight.outputs.geojson_features import zone_feature
 from companion.flight.outputs.report_summary import point_summary, surface_summary
 from companion.flight.recorder.foxglove_scene import geojson, scene
-from slz import Report, SurfaceHere, SurfaceKind
+from slz import SAFE, UNSAFE, Corridors, Grid, LocalFrame, Report, SurfaceHere, SurfaceKind
 from slz.surface.surface_kinds import UNKNOWN_SURFACE
 from tests.unit.companion.flight.landing.flight import FRAME, GRID, Flight, zone
 
@@ -62,3 +62,39 @@ def test_recordings_hold_the_surface_as_geojson_and_on_the_label() -> None:
     texts = repr(scene(found, 0))
     assert "1: 100 m2, 0.990, roof, 25 m up" in texts
     assert '2: 100 m2, 0.990"' in texts
+
+
+# GeoJSON feature of a zone: its ways in and out, and what is in the way.
+
+
+ZONE_FEATURE_FRAME, ZONE_FEATURE_GRID = LocalFrame(47.0, 8.0, 400.0), Grid(0.0, 0.0, 1.0, 10, 10)
+
+
+def masted() -> Corridors:
+    """Return the corridors of the point 5, 0, 0: clear but for a mast 12 m high, 20 m east of it."""
+    states, least, tops = np.full((72, 3), SAFE, np.uint8), np.zeros(72), np.full((72, 3), np.nan)
+    states[17:20, 0], least[17:20], tops[17:20] = UNSAFE, 38.2, (25.0, 0.0, 12.0)
+    return Corridors(np.array([5.0, 0.0, 0.0]), (30.0, 60.0, 90.0), states, least, tops)
+
+
+def properties(corridors: Corridors | None) -> Any:
+    one = zone(1, 5.0, 0.0)
+    feature = zone_feature(
+        one if corridors is None else one.with_corridors(corridors), ZONE_FEATURE_GRID, ZONE_FEATURE_FRAME
+    )
+    return json.loads(json.dumps(feature))["properties"]
+
+
+def test_a_feature_tells_the_clear_bearings_and_what_blocks_the_others() -> None:
+    told = properties(masted())["corridors"]
+    assert (told["state"], told["overhead"], len(told["bearings_deg"])) == ("clear", "clear", 72)
+    assert (told["slope_deg"], told["clear_deg"], told["unknown_deg"]) == (30.0, [[100, 80]], [])
+    (mast,) = told["blocked"]
+    assert mast["bearings_deg"] == [85, 95]
+    assert (mast["least_slope_deg"], mast["height_m"], mast["distance_m"]) == (38.2, 12.0, 20.0)
+    lat, lon, _ = ZONE_FEATURE_FRAME.lla(np.array([25.0, 0.0, 12.0]))
+    assert (mast["lat"], mast["lon"]) == pytest.approx((lat, lon), abs=1e-8)
+
+
+def test_ways_that_were_not_judged_are_null() -> None:
+    assert properties(None)["corridors"] is None

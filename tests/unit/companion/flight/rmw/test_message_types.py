@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from zenoh.ext import Int64, z_serialize
 
+from companion.flight.rmw.attachment import Attachment, unpack
 from companion.flight.rmw.message_types import GRID_MAP, LITTLE_ENDIAN, message_types
+from companion.flight.rmw.ros_topic import LATCHED, SENSOR_DATA, NodeName, Qos, Topic, dds_type, topic_key
 from tests.unit.companion.flight.rmw.type_hash import type_hash
 
 # As read in rmw_zenoh's design.md, in `ros2 topic info -v` of Jazzy, in metadata of Jazzy's bags, and in the
@@ -67,3 +70,65 @@ def test_a_message_is_plain_little_endian_cdr() -> None:
     assert types.serialise(time) == LITTLE_ENDIAN + b"\1\0\0\0\2\0\0\0"
     assert types.deserialise(types.serialise(time), "builtin_interfaces/msg/Time") == time
     assert types.hash(GRID_MAP).startswith("RIHS01_")
+
+
+# Attachments, against the bytes of Zenoh's own serialiser, which rmw_zenoh uses.
+
+
+GID = bytes(range(16))
+
+
+def test_bytes_are_those_of_zenoh_s_serialiser() -> None:
+    made = Attachment(5, 1_750_000_000_123_456_789, GID)
+    assert made.pack() == bytes(z_serialize((Int64(5), Int64(1_750_000_000_123_456_789), GID)))
+    assert unpack(made.pack()) == made
+
+
+def test_anything_else_is_no_attachment() -> None:
+    packed = Attachment(5, 7, GID).pack()
+    for length in range(len(packed)):
+        assert unpack(packed[:length]) is None
+    assert unpack(packed + b"\0") is None
+    assert unpack(packed[:16] + b"\x0f" + packed[17:]) is None
+
+
+# Key expressions and liveliness tokens, against those of rmw_zenoh's design.md and of other programs.
+
+
+STRING = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
+LISTENER = NodeName(2, "aac3178e146ba6f1fc6e6a4085e77f21", "listener")
+TALKER = NodeName(2, "8b20917502ee955ac4476e0266340d5c", "talker")
+
+
+def test_keys_are_those_of_the_design_document() -> None:
+    chatter = Topic("/chatter", "std_msgs/msg/String", Qos(10))
+    in_namespace = Topic("/robot1/chatter", "std_msgs/msg/String", Qos(10))
+    assert topic_key(0, chatter, STRING) == f"0/chatter/std_msgs::msg::dds_::String_/{STRING}"
+    assert topic_key(0, in_namespace, STRING) == f"0/robot1/chatter/std_msgs::msg::dds_::String_/{STRING}"
+    assert dds_type("sensor_msgs/msg/PointCloud2") == "sensor_msgs::msg::dds_::PointCloud2_"
+
+
+def test_tokens_are_those_of_the_design_document() -> None:
+    assert LISTENER.token() == "@ros2_lv/2/aac3178e146ba6f1fc6e6a4085e77f21/0/0/NN/%/%/listener"
+    heard, said = (Topic("/chatter", "std_msgs/msg/String", Qos(depth)) for depth in (10, 7))
+    assert LISTENER.endpoint_token(heard, STRING, 10, "MS") == (
+        "@ros2_lv/2/aac3178e146ba6f1fc6e6a4085e77f21/0/10/MS/%/%/listener/%chatter/"
+        f"std_msgs::msg::dds_::String_/{STRING}/::,10:,:,:,,"
+    )
+    assert TALKER.endpoint_token(said, STRING, 10, "MP") == (
+        "@ros2_lv/2/8b20917502ee955ac4476e0266340d5c/0/10/MP/%/%/talker/%chatter/"
+        f"std_msgs::msg::dds_::String_/{STRING}/::,7:,:,:,,"
+    )
+
+
+@pytest.mark.parametrize(
+    ("qos", "token"),
+    [
+        (LATCHED, ":1:,1:,:,:,,"),  # of /robot_description and /tf_static, as published by ROS
+        (SENSOR_DATA, "2::,5:,:,:,,"),  # of a camera's image_raw
+        (Qos(100), "::,100:,:,:,,"),  # of /tf
+        (Qos(42), "::,:,:,:,,"),  # rmw_zenoh's default
+    ],
+)
+def test_quality_of_service_is_noted_as_others_note_it(qos: Qos, token: str) -> None:
+    assert qos.token() == token

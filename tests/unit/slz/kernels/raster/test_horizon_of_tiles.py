@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 import params
 from slz.grid import Box, Grid
+from slz.kernels.polygons.boundary_tracing import trace_boundary
+from slz.kernels.raster.bitmap import packed
+from slz.kernels.raster.distance_transform import greatest_clearance
 from slz.landing_point.obstacles import SECTORS, horizon_at
 from slz.terrain.terrain import EvidenceTerrain
 from slz.terrain.terrain_maps import SAFE
@@ -39,3 +43,48 @@ def test_the_horizon_ahead_is_that_of_the_layers(rough_m: float, degrees: int) -
     ahead = round(degrees / 360 * SECTORS)
     sectors = [(ahead + k) % SECTORS for k in (-1, 0, 1)]
     assert np.array_equal(found, np.nanmax(wanted[sectors]), equal_nan=True)
+
+
+# Boundary tracing of a component, independent of its columns' position in the bitmap's words.
+
+
+ROWS, COLS = 9, 11
+
+
+def toured(part: np.ndarray, east: int) -> tuple[list[list[int]], int]:  # type: ignore[type-arg]
+    wide = np.zeros((ROWS + 2, 200), np.uint8)
+    wide[1:-1, east : east + COLS] = part
+    path, edges = np.empty((4 * part.size, 2), np.int32), np.empty(4 * part.size, np.uint8)
+    first = int(np.argmax(part[0]))
+    n, area = trace_boundary(packed(wide), 1, east + first, path, edges)
+    return (path[:n] - [1, east]).tolist(), area
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_tour_does_not_depend_on_where_words_begin(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    part = (rng.random((ROWS, COLS)) < 0.62).astype(np.uint8)
+    part[0, int(rng.integers(COLS))] = 1
+    label, _ = ndimage.label(part, np.ones((3, 3)))
+    part[label != label[0, int(np.argmax(part[0]))]] = 0
+    path, area = toured(part, 5)
+    on_edge = part.astype(bool) & ~ndimage.binary_erosion(part, border_value=0)
+    assert all(on_edge[row, col] for row, col in path)
+    for east in (*range(50, 67), 118, 126, 127, 128):
+        assert toured(part, east)[0] == path
+    filled = ndimage.binary_fill_holes(part)
+    assert area == toured(filled.astype(np.uint8), 60)[1] == filled.sum()
+
+
+# Order of cells equally far from everything unsafe: all are returned, by rows, then columns.
+
+
+def test_the_middles_of_equal_squares_come_by_rows_and_then_by_columns() -> None:
+    corners = [(2, 190), (3, 10), (20, 130), (21, 60), (21, 190), (22, 1)]
+    part = np.zeros((45, 230), np.uint8)
+    for row, col in corners:
+        part[row : row + 5, col : col + 5] = 1
+    for hints in np.empty((0, 2), np.int64), np.array([[4, 192], [0, 0], [-9, 500], [21, 4]]):
+        found = greatest_clearance(packed(part), 5, hints)
+        assert found[:, :2].tolist() == [[row + 2, col + 2] for row, col in corners]
+        assert (found[:, 2] == 9).all()

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from slz.kernels.surface.dark_returns import dark_returns
+from slz.kernels.surface.neighbourhood import box_sums
 from slz.kernels.surface.surface_record import DARK
 from tests.unit.slz.surface.made_ground import SUSPICION, classify, lake, made, with_fields
 
@@ -60,3 +63,18 @@ def test_what_was_seen_from_above_alone_is_as_dark_as_its_level_extent() -> None
     assert not told(-dark, level).any()
     brighter = np.where(strip, -1, dark)
     assert not told(brighter, level)[:, strip].any()
+
+
+# Sums over squares of cells, against SciPy.
+
+
+SHAPES = [(1, 1), (1, 7), (6, 2), (17, 23)]
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("radius", [0, 1, 2, 10])
+def test_box_sums_are_those_of_a_correlation_with_ones(shape: tuple[int, int], radius: int) -> None:
+    layers = np.random.default_rng(1).uniform(0, 50, (3, *shape)).astype(np.float32)
+    ones = np.ones((2 * radius + 1, 2 * radius + 1))
+    expected = [ndimage.correlate(layer.astype(np.float64), ones, mode="constant") for layer in layers]
+    np.testing.assert_allclose(box_sums(layers, radius), expected, rtol=1e-5)

@@ -8,13 +8,16 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
 import pytest
 
 from companion.flight.sensors.diagnosis import explanation
 from companion.flight.sensors.diagnosis.explanation import Explanation
 from sitl.faults import stream_faults
 from tests.unit.companion.flight.sensors import ouster_packets
+from tests.unit.companion.flight.sensors.diagnosis import recorded_streams as streams
 from tests.unit.companion.flight.sensors.diagnosis.faults import CASES, WITHIN_S, Case, pause
+from tests.unit.companion.flight.sensors.diagnosis.recorded_streams import Make, RecordedBench
 from tests.unit.companion.flight.sensors.diagnosis.streams import Bench, loop_of
 
 needs_ouster = pytest.mark.skipif(bool(ouster_packets.MISSING), reason=ouster_packets.MISSING)
@@ -167,3 +170,35 @@ def test_metadata_are_named_to_those_whose_sensor_has_them() -> None:
     told = [one.line for one in explanations(described=False, undecoded="")]
     assert not [line for line in told if re.search("metadata|Ouster|udp_dest", line)]
     assert sum("metadata" in one.line for one in explanations(described=True, undecoded="")) == 3
+
+
+# Diagnosis of recorded packets, healthy and with faults on which no threshold was found.
+
+
+BEFORE_S, FOUND_WITHIN_S = 4.0, 3.0
+FAULTS: dict[str, tuple[Make, float]] = {
+    "missing_packets": (streams.lost, 0.07),
+    "low_rate": (streams.halved, 0.0),
+    "missing_sector": (streams.unmeasured, 37.0),
+    "dirty": (streams.dirty, 33.0),
+    "step": (streams.stepped, -0.21),
+    "pauses": (streams.silenced, 0.7),
+}
+
+
+@pytest.mark.parametrize("cause", FAULTS)
+@pytest.mark.parametrize("sensor", ["vlp16", "os0"])
+def test_a_fault_of_a_recorded_stream_is_named_alone_and_the_stream_before_it_is_healthy(
+    sensor: str, cause: str
+) -> None:
+    if (sensor, cause) == ("vlp16", "low_rate"):
+        pytest.skip("a Velodyne numbers no frames: at half the rate its packets are missing")
+    bench = RecordedBench(sensor, 404)
+    bench.feed(0.0, BEFORE_S)
+    assert bench.told == []
+    make, strength = FAULTS[cause]
+    change = make(np.random.default_rng(404), bench.recorded, strength)
+    bench.feed(BEFORE_S, BEFORE_S + FOUND_WITHIN_S + 0.25, change)
+    ((at_s, named),) = bench.told
+    assert named == cause
+    assert at_s - BEFORE_S <= FOUND_WITHIN_S
