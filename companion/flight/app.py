@@ -129,7 +129,7 @@ class Companion:
         self._stop.set()
 
     async def leave(self) -> None:
-        """Tell whoever listens that the companion stops, stop the vehicle, and close the link."""
+        """Announce that the companion stops, stop the vehicle, and close the link."""
         flying = self.deciding.is_commanding()
         text = "SLZ: companion stops, take over" if flying else "SLZ: companion stops"
         log.info(text)

@@ -96,7 +96,7 @@ class CommandExecution:
         self._link.send(velocity_setpoint(self._link.vehicle, np.zeros(3), None))
 
     def _must_keep_guided_open(self, situation: Situation) -> bool:
-        """Tell whether a signal is due, without which the autopilot does not enter or keep the guided mode.
+        """Return whether a signal is due, without which the autopilot does not enter or keep the guided mode.
 
         In that mode it would brake a vehicle that follows another's setpoints.
         """

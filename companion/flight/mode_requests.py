@@ -48,7 +48,7 @@ class ModeRequests:
             self._task.cancel()
 
     def _is_wanted(self) -> bool:
-        """Tell whether the mode is still wanted: a landing broken off must not come late."""
+        """Return whether the mode is still wanted: a landing broken off must not come late."""
         phase = self._executive.phase
         return (phase is Phase.FINAL) == (self._wanted == "land") and phase in COMMANDING
 

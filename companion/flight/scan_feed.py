@@ -86,7 +86,7 @@ class ScanFeed:
         self._reset_map()
 
     def warn_of_attitudes(self) -> None:
-        """Tell the pilot once that attitudes come too seldom for the turns, and scans are lost."""
+        """Warn the pilot once that attitudes come too seldom for the turns, so that scans are lost."""
         if self._history.steps.coarse and not self._warned:
             self._warned = True
             self._link.statustext("SLZ: attitudes too far apart: scans dropped", Severity.WARNING.value)
@@ -112,7 +112,7 @@ class ScanFeed:
             self._worker.add_scan(scan, self._assembler.scans)
 
     def _stands_after_flight(self) -> bool:
-        """Tell whether it has landed: from its skids it sees the ground at grazing angles only."""
+        """Return whether the vehicle has landed: from its skids it sees the ground at grazing angles only."""
         landed = self._link.vehicle.landed
         self._flown = self._flown or landed == "in_air"
         return self._flown and landed == "on_ground"

@@ -25,7 +25,7 @@ from slz import Scan, SpeckDetector
 
 @dataclass(frozen=True, slots=True)
 class Sources:
-    """Where a flight's measurements come from.
+    """Sources of a flight's measurements.
 
     lidar, radar: URLs as on the command line. ros2: Zenoh router and domain of the ROS node. odometry: topic
     of an external odometry. None for none.
@@ -38,7 +38,7 @@ class Sources:
 
     @property
     def come_by_mavlink(self) -> bool:
-        """Whether the returns are ranges of the autopilot's own sensors."""
+        """True if the returns are ranges of the autopilot's own sensors."""
         return self.lidar.partition(":")[0] == "mavlink"
 
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Displays:
-    """Where a flight is shown: address of the pilot's page, and port of the live view; None for nowhere."""
+    """Displays of a flight: address of the pilot's page, and port of the live view; None for none."""
 
     page: PageEndpoint | None = None
     foxglove_port: int | None = None

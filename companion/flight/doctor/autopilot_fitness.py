@@ -77,7 +77,7 @@ class Fitness:
 
     @property
     def fit(self) -> bool:
-        """Whether all critical parameters of its version were read since the last hand-over and are right."""
+        """True if all critical parameters of its version were read since the last hand-over and are right."""
         return bool(self._rows) and not self._critical()
 
     @property

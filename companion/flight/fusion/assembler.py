@@ -50,7 +50,7 @@ class ScanAssembler:
     scans
         Scans emitted.
     boresight
-        Whether the mount is told right, by the scans.
+        Check of the stated mount by the scans.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Whether attitudes come often enough for the vehicle's turns."""
+"""Check that attitudes come often enough for the vehicle's turns."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check of the told boresight in flight, by ground that the vehicle sees under several headings."""
+"""Check of the stated boresight in flight, by ground that the vehicle sees under several headings."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class BoresightCheck:
     Attributes
     ----------
     error_deg
-        Roll and pitch by which the told mount is wrong, as last known for certain; None before.
+        Certain error of the stated mount in roll and pitch, deg, as last known; None before.
     """
 
     def __init__(self) -> None:

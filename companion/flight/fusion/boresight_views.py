@@ -71,7 +71,7 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class Boresight:
-    """Error of the told mount.
+    """Error of the stated mount.
 
     error_deg: (2,) rotation about the body's forward and left axes, roll and pitch. covariance_deg2: (2, 2).
     """

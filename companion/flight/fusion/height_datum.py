@@ -3,8 +3,8 @@
 An estimate that fuses another height slides by metres within seconds, and ground seen before would become a
 step. Each scan is compared with the ground of the last seconds. What it is higher in common is the
 estimate's error, if its height has moved against its own vertical velocity: a vehicle that moves does not.
-How fast the error grows is told within the scan, so that the first one of a slide is placed as well as the
-others. Slower drifts are followed from window to window (`slz.points.registration`).
+The growth of the error is estimated within the scan, so that the first one of a slide is placed as well as
+the others. Slower drifts are followed from window to window (`slz.points.registration`).
 """
 
 from __future__ import annotations

@@ -162,7 +162,7 @@ class PoseHistory:
 
     @property
     def is_far(self) -> bool:
-        """Whether the vehicle is so far from the map's origin that a new frame should begin."""
+        """True if the vehicle is so far from the map's origin that a new frame should begin."""
         if self.frame is None or self._newest_lla is None:
             return False
         return self.frame.turn_rad(*self._newest_lla[:2]) > MOST_TURN_RAD

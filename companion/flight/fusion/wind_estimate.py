@@ -97,7 +97,7 @@ class WindEstimate:
     """Wind from both sources.
 
     The autopilot's is filtered before it is sent; its gusts are averaged longer than 3 s. The tilt is used of
-    multirotors alone: a helicopter's rotor tilts against its fuselage. It tells no gusts: PX4 tilts in
+    multirotors alone: a helicopter's rotor tilts against its fuselage. It gives no gusts: PX4 tilts in
     manoeuvres as in gusts of 13 m/s.
 
     Parameters

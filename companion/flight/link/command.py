@@ -98,7 +98,7 @@ class CommandCall:
 
     @property
     def unanswered(self) -> bool:
-        """Whether it has no result, or was superseded before the autopilot answered."""
+        """True if it has no result, or was superseded before the autopilot answered."""
         return self.result is None or self.result.outcome == "superseded"
 
     def poll(self, now_ns: int) -> int | None:

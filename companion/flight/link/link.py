@@ -156,7 +156,7 @@ class Link:
 
     @property
     def ready(self) -> bool:
-        """Whether our heartbeat reports MAV_STATE_ACTIVE instead of MAV_STATE_BOOT."""
+        """True if our heartbeat reports MAV_STATE_ACTIVE instead of MAV_STATE_BOOT."""
         return bool(self.system_status == mavlink.MAV_STATE_ACTIVE)
 
     @ready.setter

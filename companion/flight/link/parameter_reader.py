@@ -60,12 +60,12 @@ class ParameterReader:
 
     @property
     def done(self) -> bool:
-        """Whether every parameter is known or was requested often enough."""
+        """True if every parameter is known or was requested often enough."""
         return all(self._is_over(row) for row in self._rows)
 
     @property
     def settled(self) -> bool:
-        """Whether `done` holds without the optional parameters, which some versions lack and never answer."""
+        """True if `done` holds without the optional parameters, which some versions lack and never answer."""
         return all(self._is_over(row) for row in self._rows if not row.optional)
 
     def knows(self, name: str) -> bool:

@@ -29,7 +29,7 @@ class PositionFix:
 
     @property
     def good(self) -> bool | None:
-        """Whether the position is valid according to the estimator, else to GPS; None before a report."""
+        """True if the position is valid according to the estimator, else to GPS; None before a report."""
         if self.absolute is not None:
             return self.absolute
         fixes = [fix for fix in (self.gps, self.second) if fix is not None]

@@ -114,7 +114,7 @@ class VehicleIdentity:
 
     @property
     def ambiguous(self) -> bool:
-        """Whether two candidates were heard before one was confirmed as the vehicle.
+        """True if two candidates were heard before one was confirmed as the vehicle.
 
         A remembered vehicle may be heard last, so then only after the listening time.
         """

@@ -45,7 +45,7 @@ class VehicleState:
     position_boot_ms, local_boot_ms, boot_ms
         Autopilot's time of the position, of the local position, and of its newest message.
     order
-        What tells a message that comes late, or once more, from a new one and from a restart.
+        Distinction of late and repeated messages from new ones and from a restart.
     reboots
         Number of times that the autopilot's clock restarted.
     fix
@@ -115,12 +115,12 @@ class VehicleState:
 
     @property
     def guided(self) -> bool:
-        """Whether the vehicle is in the mode that follows our setpoints."""
+        """True if the vehicle is in the mode that follows our setpoints."""
         return self.mode == self.autopilot.guided_mode
 
     @property
     def landing(self) -> bool:
-        """Whether the vehicle is in the mode that lands it at our target."""
+        """True if the vehicle is in the mode that lands it at our target."""
         return self.mode == self.autopilot.landing_mode
 
     @property
@@ -137,7 +137,7 @@ class VehicleState:
 
     @property
     def failsafe(self) -> bool:
-        """Whether the autopilot reports a failsafe of its own."""
+        """True if the autopilot reports a failsafe of its own."""
         return self.system_status in FAILSAFE_STATES or (self.displaced and self.armed)
 
 

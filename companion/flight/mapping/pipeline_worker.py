@@ -146,7 +146,7 @@ class PipelineWorker:
 
     @property
     def window_s(self) -> float:
-        """Span of the current window, as long as it is awaited."""
+        """Span of the current window."""
         return self._windower.window_s
 
     @property
@@ -162,7 +162,7 @@ class PipelineWorker:
 
     @property
     def busy(self) -> bool:
-        """Whether a window is being computed."""
+        """True if a window is being computed."""
         return self._busy_since_s is not None
 
     def hangs(self, limit_s: float) -> bool:

@@ -109,7 +109,7 @@ class RosSession:
 
     @property
     def is_open(self) -> bool:
-        """Whether messages can be handed to Zenoh."""
+        """True if messages can be handed to Zenoh."""
         return self._zenoh is not None
 
     def is_connected(self) -> bool:

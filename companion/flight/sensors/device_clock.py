@@ -63,7 +63,7 @@ class SensorClock:
 
     @property
     def drift_ppm(self) -> float | None:
-        """How much faster the sensor's clock runs, in millionths, over the last 2.5 or 9 s; None if unsure.
+        """Rate of the sensor's clock over ours, ppm, over the last 2.5 or 9 s; None if unsure.
 
         Packets that wait longer and longer look like a slow clock, but not for long and not in a line.
         Where they are read at regular times, their waits can grow in a line, by less than the time from one

@@ -50,7 +50,7 @@ class ImuSamples:
 
     @property
     def is_plausible(self) -> bool:
-        """Whether all values are finite and within twice the range of such a unit."""
+        """True if all values are finite and within twice the range of such a unit."""
         return bool(
             (np.abs(self.rate_rads) <= MOST_RADS).all()
             and (np.abs(self.specific_force_ms2) <= MOST_MS2).all()

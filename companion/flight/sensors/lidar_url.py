@@ -54,7 +54,7 @@ class Lidar(Protocol):
 
     @property
     def diagnosis(self) -> LidarDiagnosis | None:
-        """What is wrong with stream and clock, and why; None for a sensor that is not diagnosed."""
+        """Diagnosis of stream and clock; None for a sensor that is not diagnosed."""
 
     def statistics(self) -> dict[str, int | float | None]:
         """Return counters."""

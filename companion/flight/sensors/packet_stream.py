@@ -64,7 +64,7 @@ class Decoder(Protocol):
 
 @runtime_checkable
 class ImuDecoder(Protocol):
-    """What the decoder of a sensor with an inertial measurement unit has besides."""
+    """Decoder of a sensor with an inertial measurement unit."""
 
     def is_imu(self, packet: bytes) -> bool:
         """Return whether a packet claims to hold inertial samples; called for everything that arrives."""
@@ -106,7 +106,7 @@ class PacketStream:
     last_arrival_ns
         Arrival of the newest valid packet of points; None before any.
     diagnosis
-        What is wrong with stream and clock, and why.
+        Diagnosis of stream and clock.
     """
 
     def __init__(
@@ -157,7 +157,7 @@ class PacketStream:
 
     @property
     def is_diagnosed(self) -> bool:
-        """Whether `diagnosis` holds: a ROS cloud's arrival and stamp depend on the driver that made it."""
+        """True if `diagnosis` holds: a ROS cloud's arrival and stamp depend on the driver that made it."""
         return self.kind not in UNDIAGNOSED
 
     def __len__(self) -> int:
@@ -330,7 +330,7 @@ class PacketStream:
         self.diagnosis.undecoded = name
 
     def _suspect_own(self, packet: bytes) -> None:
-        """Tell the diagnosis of points of this maker that the decoder cannot use."""
+        """Report points of this maker that the decoder cannot use to the diagnosis."""
         if not self._is_imu(packet) and is_points(packet, self.kind):
             self.diagnosis.note_unfit()
 

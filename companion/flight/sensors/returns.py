@@ -138,7 +138,7 @@ class Returns:
 
     @property
     def has_attributes(self) -> bool:
-        """Whether the sensor gives intensities or return numbers."""
+        """True if the sensor gives intensities or return numbers."""
         return bool(self.echoes.any() or not np.isnan(self.intensity).all())
 
     def select(self, which: slice | NDArray[np.bool_]) -> Returns:

@@ -61,7 +61,7 @@ class SynchronisedClock:
 
     @property
     def drift_ppm(self) -> float | None:
-        """How much faster the sensor's clock runs, in millionths; None if unsure."""
+        """Rate of the sensor's clock over ours, ppm; None if unsure."""
         return self._free.drift_ppm
 
     def is_jump(self, stamp_ns: int, arrival_ns: int) -> bool:

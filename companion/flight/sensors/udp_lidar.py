@@ -38,7 +38,7 @@ TABLES = (Path("/proc/net/udp"), Path("/proc/net/udp6"))
 
 
 def dropped_packets(port: int, tables: Iterable[Path] = TABLES) -> int | None:
-    """Return how many packets the kernel has dropped at a port so far; None where it does not tell."""
+    """Return how many packets the kernel has dropped at a port so far; None where it does not say."""
     total: int | None = None
     ending = f":{port:04X}"
     for table in tables:
@@ -82,7 +82,7 @@ class UdpLidar(asyncio.DatagramProtocol):
 
     @property
     def diagnosis(self) -> LidarDiagnosis:
-        """What is wrong with stream and clock, and why."""
+        """Diagnosis of stream and clock."""
         return self.stream.diagnosis
 
     @property

@@ -110,7 +110,7 @@ def areas_of(items: list[FenceItem]) -> tuple[Area, ...]:
 
 
 class FenceReader:
-    """Reads the fence, and tells it in the map frame."""
+    """Reads the fence, and gives it in the map frame."""
 
     def __init__(self) -> None:
         self._identity: tuple[int | None, Autopilot, int] | None = None

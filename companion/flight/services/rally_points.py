@@ -140,7 +140,7 @@ class Rally:
 
     @property
     def busy(self) -> bool:
-        """Whether a transfer is in progress."""
+        """True if a transfer is in progress."""
         return self._transfer is not None
 
     def is_quiet(self, now_ns: int) -> bool:

@@ -79,7 +79,7 @@ class Access:
 
     @property
     def needs_token(self) -> bool:
-        """Whether a token is needed."""
+        """True if a token is needed."""
         return bool(self._tokens)
 
     def role(self, token: str | None) -> Role | None:

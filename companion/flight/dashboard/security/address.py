@@ -19,7 +19,7 @@ class Address:
 
     @property
     def is_loopback(self) -> bool:
-        """Whether only programs on this computer can reach the address."""
+        """True if only programs on this computer can reach the address."""
         if self.host == "localhost":
             return True
         try:

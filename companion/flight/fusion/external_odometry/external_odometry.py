@@ -51,7 +51,7 @@ SILENT, PARTS = "silent", "parts from the autopilot"
 class ExternalOdometry:
     """Odometry of another program, which sets the history's correction.
 
-    It tells position and heading, as far as they go off the autopilot's since the alignment. Roll and pitch
+    It gives position and heading, as far as they go off the autopilot's since the alignment. Roll and pitch
     stay the autopilot's, which are those of gravity. Without poses the last correction stays.
 
     Parameters
@@ -61,7 +61,7 @@ class ExternalOdometry:
     child
         Child frame of the odometry on the vehicle.
     gps_lost
-        Tells whether the autopilot's receiver has lost its fix.
+        Returns whether the autopilot's receiver has lost its fix.
 
     Attributes
     ----------
@@ -127,11 +127,11 @@ class ExternalOdometry:
     # ---- what is known --------------------------------------------------------------------------
 
     def tells_place(self, now_ns: int) -> bool:
-        """Tell whether the odometry tells the place now."""
+        """Return whether the odometry determines the place now."""
         return self._used_within(FRESH_NS, now_ns)
 
     def is_tracking(self, now_ns: int) -> bool:
-        """Tell whether the odometry told the place within three seconds."""
+        """Return whether the odometry determined the place within three seconds."""
         return self._used_within(BRIDGE_NS, now_ns)
 
     def why_not(self, now_ns: int) -> str:
@@ -222,7 +222,7 @@ class ExternalOdometry:
             self._begin_anew("heading jumped", pair.at_ns)
         elif self._explain_step(pair, last, frame):
             self._update(pair, frame, heading_rad)
-            self._way_m += float(np.linalg.norm(pair.told_m - last.told_m))
+            self._way_m += float(np.linalg.norm(pair.stated_m - last.stated_m))
             frame.level(pair, min(1.0, seconds / TILT_S))
 
     def _update(self, pair: PosePair, frame: AlignedFrame, heading_rad: float) -> None:
@@ -345,7 +345,7 @@ class ExternalOdometry:
         correction = self._history.correction
         autopilot_ms = self._history.velocity_enu_ms(pair.at_ns)
         velocity_ms = correction.rotation @ autopilot_ms + correction.rate_enu_ms
-        self.estimate = told_estimate(
+        self.estimate = external_estimate(
             pair, self._filter, frame.rotation, velocity_ms, self._way_m, self._resets
         )
 
@@ -364,7 +364,7 @@ VELOCITY_MS = 0.05  # standard deviation of a velocity beside its drift
 WAY_SHARE = 0.005  # drift of an odometry that states no covariance, of its way
 
 
-def told_estimate(
+def external_estimate(
     pair: PosePair,
     filtered: ShiftFilter,
     rotation_map_from_odometry: Floats,

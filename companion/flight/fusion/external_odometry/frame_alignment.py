@@ -43,7 +43,7 @@ class AlignmentSearch:
     """Search of the alignment over the last poses.
 
     Both frames are arbitrary: attitudes give the rotation between them, as far as the child frame is the one
-    that was named. The way flown tells whether it is, and whether the odometry tells the way of this vehicle:
+    that was named. The way flown shows whether it is, and whether the odometry is of this vehicle:
     so nothing is used before both have flown 5 m horizontally.
 
     Attributes
@@ -63,8 +63,8 @@ class AlignmentSearch:
             pairs.popleft()
         if pairs and at_ns - pairs[-1][0] < SPACING_NS:
             return None
-        turn = on_map.rotation @ pair.auto @ pair.told.T
-        pairs.append((at_ns, on_map.points(pair.auto_m), pair.told_m, turn))
+        turn = on_map.rotation @ pair.auto @ pair.stated.T
+        pairs.append((at_ns, on_map.points(pair.auto_m), pair.stated_m, turn))
         return self._align()
 
     def _align(self) -> Alignment | None:
@@ -77,13 +77,13 @@ class AlignmentSearch:
         extent_m = float(np.linalg.norm(np.ptp(on_map[:, :2], axis=0)))
         if extent_m < LEAST_WAY_M:
             return None
-        way, told_way = on_map - on_map.mean(axis=0), mean.apply(in_frame - in_frame.mean(axis=0))
-        (x, y), (a, b) = way[:, :2].T, told_way[:, :2].T
+        way, stated_way = on_map - on_map.mean(axis=0), mean.apply(in_frame - in_frame.mean(axis=0))
+        (x, y), (a, b) = way[:, :2].T, stated_way[:, :2].T
         turn = float(np.arctan2(a @ y - b @ x, a @ x + b @ y))
         track_rad = TRACK_M / extent_m
         share = HEADING_RAD**2 / (HEADING_RAD**2 + track_rad**2)
         about_up = Rotation.from_rotvec([0.0, 0.0, share * turn])
-        off_m = float(np.linalg.norm(way - about_up.apply(told_way), axis=1).max())
+        off_m = float(np.linalg.norm(way - about_up.apply(stated_way), axis=1).max())
         if abs(turn) > MOST_TURN_RAD:
             self._refuse("way turned from attitude")
             return None
@@ -118,8 +118,8 @@ class AlignedFrame:
         self._anchor_m = self.place_m(pair)
 
     def place_m(self, pair: PosePair) -> Floats:
-        """Return where on the map the odometry tells the vehicle, (3,)."""
-        return np.asarray(self.rotation @ pair.told_m + self._shift_m)
+        """Vehicle position by odometry, map frame, (3,) m."""
+        return np.asarray(self.rotation @ pair.stated_m + self._shift_m)
 
     def way_m(self, pair: PosePair) -> Floats:
         """Return the way (3,) from where the alignment holds exactly to the vehicle."""
@@ -127,7 +127,7 @@ class AlignedFrame:
 
     def turn_rad(self, pair: PosePair) -> Floats:
         """Return the rotation vector (3,) on the map from the autopilot's attitude to the odometry's."""
-        return np.asarray(Rotation.from_matrix(self.rotation @ pair.told @ pair.auto.T).as_rotvec())
+        return np.asarray(Rotation.from_matrix(self.rotation @ pair.stated @ pair.auto.T).as_rotvec())
 
     def move(self, by_m: Floats) -> None:
         """Move it, and where it holds exactly."""

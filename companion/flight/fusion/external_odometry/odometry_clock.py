@@ -15,7 +15,7 @@ class OdometryClock:
 
     Programs copy the stamps of the clouds that they register, so that clouds and poses are of one clock,
     whatever it is. Other stamps are the time of day of this computer, or of one that is synchronised.
-    Arrivals do not tell the offset, as they do for packets of a sensor: a pose comes after an unknown time of
+    Arrivals do not give the offset, as they do for packets of a sensor: a pose comes after an unknown time of
     work, and at 5 m/s a tenth of a second is half a metre.
 
     Parameters

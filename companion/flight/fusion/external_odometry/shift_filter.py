@@ -65,7 +65,7 @@ class ShiftFilter:
         way_m
             (3,) from where the alignment holds exactly to the vehicle.
         learns
-            Whether the autopilot's way is sure enough to tell the error of the alignment.
+            Whether the autopilot's way is sure enough to give the error of the alignment.
         """
         model = np.eye(4, 8)
         if learns:

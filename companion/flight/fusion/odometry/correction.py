@@ -40,7 +40,7 @@ class Correction:
 
     @property
     def is_none(self) -> bool:
-        """Whether nothing is corrected."""
+        """True if nothing is corrected."""
         return not (self.turn_rad.any() or self.shift_enu_m.any() or self.rate_enu_ms.any())
 
     @property

@@ -40,8 +40,8 @@ class CorrectionFilter:
         (9, 9): rotation vector about east, north, up (rad2), shift east, north, up (m2), and the rate of the
         shift (m2/s2).
     observed
-        (6,) bool, whether the last scans told each axis surely; of the horizontal ones, this scan alone, too:
-        what a scan does not tell is the autopilot's own.
+        (6,) bool, whether the last scans observed each axis; of the horizontal ones, this scan alone, too:
+        what a scan does not observe is the autopilot's own.
     """
 
     def __init__(self) -> None:
@@ -98,7 +98,7 @@ class CorrectionFilter:
         return np.asarray(rates)
 
     def known_rates(self, rates: Floats) -> Floats:
-        """Return rates (3,) of the shift without those along directions that the last scans do not tell."""
+        """Return rates (3,) of the shift without those along directions that no recent scan observes."""
         place = rates[:2] - self._unknown @ rates[:2]
         return np.append(place, rates[2] * self.observed[UP])
 

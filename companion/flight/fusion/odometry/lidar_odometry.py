@@ -55,8 +55,8 @@ class LidarOdometry:
         Rotations by the LiDAR's own gyroscope, if it has one: what the autopilot's heading turns beyond them
         is its error.
     gps_lost
-        Tells whether the autopilot's receiver has lost its fix: a map that begins then is where an estimate
-        without evidence has it, and tells no place until GPS is back.
+        Returns whether the autopilot's receiver has lost its fix: a map that begins then is where an estimate
+        without evidence has it, and determines no place until GPS is back.
 
     Attributes
     ----------
@@ -109,12 +109,12 @@ class LidarOdometry:
             self._update(np.ascontiguousarray(points[::step]), scan.sensor_enu_m, newest_ns)
 
     def tells_place(self, now_ns: int) -> bool:
-        """Tell whether scans and map tell position and tilt now."""
+        """Return whether position and tilt are observable now."""
         estimate = self.estimate
         return estimate is not None and estimate.is_healthy and now_ns - estimate.stamp_ns < FRESH_NS
 
     def is_tracking(self, now_ns: int) -> bool:
-        """Tell whether scans and map tell height and tilt now, and told the place within three seconds."""
+        """Return whether height and tilt are observable now and the position was within 3 s."""
         estimate = self.estimate
         if estimate is None or now_ns - estimate.stamp_ns >= FRESH_NS:
             return False

@@ -35,7 +35,7 @@ class OdometryEstimate:
 
     @property
     def is_healthy(self) -> bool:
-        """Whether position and tilt are observed: with the autopilot's heading, enough to land by."""
+        """True if position and tilt are observed: with the autopilot's heading, enough to land by."""
         return bool(self.observed[:5].all())
 
 

@@ -34,10 +34,10 @@ class PlaceSource(Protocol):
         """Take a scan as the autopilot's poses place it, and set the correction for it."""
 
     def tells_place(self, now_ns: int) -> bool:
-        """Tell whether position and tilt are known now."""
+        """Return whether position and tilt are known now."""
 
     def is_tracking(self, now_ns: int) -> bool:
-        """Tell whether the place is known now, or was within three seconds."""
+        """Return whether the place is known now, or was within three seconds."""
 
     @property
     def gps_drift_m(self) -> float:

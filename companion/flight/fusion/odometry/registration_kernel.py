@@ -36,7 +36,7 @@ def normal_equations(
 ) -> tuple[int, int, int, int, int]:
     """Write the normal equations of a small further rotation about the pivot and shift.
 
-    Points (n, 3) are rotated about the pivot and shifted first (`moved_m`). A plane that is not steep tells
+    Points (n, 3) are rotated about the pivot and shifted first (`moved_m`). A plane that is not steep gives
     the height alone, whatever its slope, because a slope of the ground taken for a place would let the map
     slide. A steep one counts from `age_ns` after it was first seen: by then it was not placed by the present
     error. Weights are those of Geman and McClure.

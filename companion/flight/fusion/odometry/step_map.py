@@ -1,4 +1,4 @@
-"""Step map: heights of cells, whose steps (roofs, parapets, kerbs, stands) tell the place from above.
+"""Step map: heights of cells, whose steps (roofs, parapets, kerbs, stands) give the place from above.
 
 From 20 m a LiDAR that looks down sees a hundredth of its returns on walls, but many more near an edge: those
 that a false place would put on the other level. As with the height maps of Olson (2009,

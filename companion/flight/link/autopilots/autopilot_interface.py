@@ -200,7 +200,7 @@ class Autopilot:
 
     @property
     def needs_local_position(self) -> bool:
-        """Whether something is always sent in its local frame."""
+        """True if something is always sent in its local frame."""
         in_its_frame = self.landing_target_frame == mavlink.MAV_FRAME_LOCAL_NED
         return in_its_frame or self.open_signal_ns is not None
 

@@ -29,7 +29,7 @@ class AutopilotClock:
     """Conversion of the autopilot's boot time to the companion's clock, using TIMESYNC or the least delay.
 
     A clock that falls behind (a simulated autopilot's on a busy computer) is noticed at once, because its
-    poses seem delayed for longer. Poses that wait in a queue look the same. Only the next exchange can tell
+    poses seem delayed for longer. Poses that wait in a queue look the same. Only the next exchange can show
     the two cases apart; until then, stamps are not certain.
 
     Attributes

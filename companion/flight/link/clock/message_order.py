@@ -80,7 +80,7 @@ class MessageOrder:
         return believed._with(kind, boot_ms * 1000, newest_ms=boot_ms, heard_ns=now_ns, settled=True), "next"
 
     def judge_other(self, message: Any) -> tuple[MessageOrder, Verdict]:
-        """Return the order with a message whose stamp tells nothing of restarts, and what the message is."""
+        """Return the order with a message whose stamp shows no restart, and the verdict on it."""
         kind, stamp_us = message.get_type(), _stamp_us(message)
         newest_us = self.newest_us.get(kind)
         if not stamp_us or stamp_us == newest_us:

@@ -206,7 +206,7 @@ class TimeSync:
 
     @property
     def synced(self) -> bool:
-        """Whether the window holds enough exchanges for the offset to be used."""
+        """True if the window holds enough exchanges for the offset to be used."""
         return len(self._window) >= NEEDED
 
     @property

@@ -32,7 +32,7 @@ async def announce(update: Update, say: Say) -> None:
 
 
 class LidarAnnouncer:
-    """Compares the causes that are present with those that were told.
+    """Compares the causes that are present with those that were announced.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ class LidarAnnouncer:
         self._told_ns: dict[str, int] = {}
 
     async def run(self) -> None:
-        """Tell what changes, until cancelled."""
+        """Announce changes until cancelled."""
         if self._diagnosis is None:
             await asyncio.get_running_loop().create_future()
         await announce(self.update, self._say)

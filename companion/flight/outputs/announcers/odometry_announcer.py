@@ -1,4 +1,4 @@
-"""Announcements of an external odometry that begins to tell the place, ends, or is not used."""
+"""Announcements of an external odometry that begins, ends, or is not used."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Told(Protocol):
 
 
 class OdometryAnnouncer:
-    """Compares whether the odometry is used with what was told.
+    """Compares the use of the odometry with what was announced.
 
     Nothing is announced before its first message: it may begin later.
 
@@ -45,7 +45,7 @@ class OdometryAnnouncer:
         self._told_ns: dict[str, int] = {}
 
     async def run(self) -> None:
-        """Tell what changes, until cancelled."""
+        """Announce changes until cancelled."""
         if self._odometry is None:
             await asyncio.get_running_loop().create_future()
         await announce(self.update, self._say)

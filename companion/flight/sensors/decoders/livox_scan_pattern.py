@@ -215,7 +215,7 @@ def _reconstruct(
 
 @kernel_part
 def _in_time(first_ns: Array1D[np.int64], then_ns: Array1D[np.int64]) -> Array1D[np.int64]:
-    """Return the order of the stamps of two arrays, of which few are out of order."""
+    """Return the order of the stamps of two arrays; few are out of order."""
     n = len(first_ns)
     stamps, order = np.empty(n + len(then_ns), np.int64), np.arange(n + len(then_ns))
     stamps[:n], stamps[n:] = first_ns, then_ns

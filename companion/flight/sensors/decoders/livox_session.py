@@ -53,7 +53,7 @@ class LivoxSession(asyncio.DatagramProtocol):
 
     @property
     def answers(self) -> bool:
-        """Whether the sensor has answered the newest request, and accepted it."""
+        """True if the sensor has answered the newest request, and accepted it."""
         return self._control is not None and self._control.answered and not self._control.refused
 
     @property

@@ -1,4 +1,4 @@
-"""Returns from hardly beyond the window: ground and vehicle, to be told from dirt."""
+"""Returns from hardly beyond the window: ground and vehicle, which are not dirt."""
 
 from __future__ import annotations
 

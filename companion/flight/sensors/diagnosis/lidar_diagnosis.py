@@ -52,7 +52,7 @@ EXPLAINED_BY = {
 
 
 class StreamClock(Protocol):
-    """What is known of the sensor's clock."""
+    """State of the sensor's clock."""
 
     @property
     def steps(self) -> int:
@@ -64,11 +64,11 @@ class StreamClock(Protocol):
 
     @property
     def drift_ppm(self) -> float | None:
-        """How much faster it runs; None if unsure."""
+        """Rate of the sensor's clock over ours, ppm; None if unsure."""
 
 
 class PlacedScans(Protocol):
-    """What placing the returns on the map shows of the sensor."""
+    """Evidence about the sensor from placing its returns on the map."""
 
     @property
     def repeated(self) -> int:

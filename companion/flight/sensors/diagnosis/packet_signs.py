@@ -15,7 +15,7 @@ class PacketSigns:
     covered_ns
         Time that the packets received cover by their own statement.
     azimuth_packets
-        Packets by part of the circle, in the order of the turn; empty where packets do not tell.
+        Packets by part of the circle, in the order of the turn; empty where packets do not say.
     azimuth_deg
         Start of the first part, and degrees of each.
     lines
@@ -23,7 +23,7 @@ class PacketSigns:
     near_m
         A return nearer than that comes from the window.
     clock
-        Source of the stamps: 'free', 'ptp' or 'gps'; empty where packets do not tell.
+        Source of the stamps: 'free', 'ptp' or 'gps'; empty where packets do not say.
     pulse
         What is wrong with the pulse of a GPS receiver, empty if nothing or unknown.
     described
