@@ -44,7 +44,7 @@ from companion.flight.landing.situation import (
     Vector,
     VehicleCommands,
 )
-from companion.flight.landing.transitions import Transitions
+from companion.flight.landing.transitions import LandingCore, Transitions
 from companion.flight.landing.ways.approach_path import ApproachPath
 from companion.flight.landing.ways.endurance import Endurance
 from companion.flight.landing.ways.way_choice import WaysOfPoint
@@ -85,15 +85,14 @@ class Executive:
         self._soonest = soonest = SoonestZone(p, progress, fenced, endurance)
         self._ways = WaysOfPoint(p, route)
         transitions = Transitions(p, progress, texts, route, selection, ownership, outage, wind, gps_loss)
-        missing_inputs = MissingInputs(p, progress, texts, transitions, outage, gps_loss)
-        without_gps = WithoutGps(p, progress, texts, transitions)
-        approach = Approach(p, progress, texts, transitions, route, wind, missing_inputs)
-        survey = Survey(
-            p, progress, texts, transitions, route, wind, missing_inputs, fenced, soonest, approach
-        )
-        self._descent = Descent(p, progress, texts, transitions, wind, gps_loss, without_gps)
-        climb = Climb(p, progress, texts, transitions, route, missing_inputs)
-        self._waiting = Waiting(p, auto, progress, texts, transitions, hand_over, wind, gps_loss)
+        core = LandingCore(p, progress, texts, transitions)
+        missing_inputs = MissingInputs(core, outage, gps_loss)
+        without_gps = WithoutGps(core)
+        approach = Approach(core, route, wind, missing_inputs)
+        survey = Survey(core, route, wind, missing_inputs, fenced, soonest, approach)
+        self._descent = Descent(core, wind, gps_loss, without_gps)
+        climb = Climb(core, route, missing_inputs)
+        self._waiting = Waiting(core, auto, hand_over, wind, gps_loss)
         withdrawal = Withdrawal(auto, progress, texts, transitions, hand_over)
         self.checks: dict[Phase, tuple[Check, ...]] = {
             Phase.IDLE: self._waiting.checks,
@@ -112,7 +111,7 @@ class Executive:
             transitions,
             Preconditions(p, progress, ownership, wind, gps_loss),
             withdrawal,
-            LateAbort(p, progress, texts, transitions, ownership, self._descent),
+            LateAbort(core, ownership, self._descent),
             without_gps,
             missing_inputs,
             self._waiting,
@@ -126,10 +125,10 @@ class Executive:
             gps_loss.follow,
             endurance.follow,
             hand_over.follow,
-            LowBattery(p, progress, texts, transitions, soonest).update,
+            LowBattery(core, soonest).update,
             VehicleClassAnnouncer(progress, texts).update,
         )
-        self.orders = OrderAcceptance(p, progress, texts, transitions, selection, ownership, wind, gps_loss)
+        self.orders = OrderAcceptance(core, selection, ownership, wind, gps_loss)
 
     @property
     def phase(self) -> Phase:

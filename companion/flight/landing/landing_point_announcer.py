@@ -14,9 +14,9 @@ PAUSE_NS = 1_000_000_000
 
 
 class LandingPointAnnouncer:
-    """Compares the selected point with the last announcement.
+    """Comparison of the selected point with the last announcement.
 
-    What is new is told at once; what was told before the last announcement, a second after that at the least.
+    A new state is announced at once, a return to the state before the last announcement not within a second.
     """
 
     def __init__(self, parameters: Parameters) -> None:

@@ -7,11 +7,9 @@ from dataclasses import replace
 from companion.flight.landing.aim import PointSelection
 from companion.flight.landing.confirmation import Confirmation, Ground, ground_at, must_be_confirmed
 from companion.flight.landing.fenced_zones import beyond_fence
-from companion.flight.landing.landing_progress import LandingProgress
 from companion.flight.landing.landing_wind import LandingWind
 from companion.flight.landing.mode_ownership import ModeOwnership
 from companion.flight.landing.outage import GpsLoss
-from companion.flight.landing.pilot_texts import PilotTexts
 from companion.flight.landing.situation import (
     COMMANDING,
     LandingRequest,
@@ -21,9 +19,8 @@ from companion.flight.landing.situation import (
     Situation,
     Vector,
 )
-from companion.flight.landing.transitions import Transitions
+from companion.flight.landing.transitions import LandingCore
 from companion.flight.landing.ways.endurance import is_battery_low
-from params import Parameters
 from slz import Zone
 
 
@@ -32,16 +29,13 @@ class OrderAcceptance:
 
     def __init__(
         self,
-        parameters: Parameters,
-        progress: LandingProgress,
-        texts: PilotTexts,
-        transitions: Transitions,
+        core: LandingCore,
         selection: PointSelection,
         ownership: ModeOwnership,
         wind: LandingWind,
         gps_loss: GpsLoss,
     ) -> None:
-        self._p, self._progress, self._texts, self._transitions = parameters, progress, texts, transitions
+        self._p, self._progress, self._texts, self._transitions = core
         self._selection, self._ownership = selection, ownership
         self._wind, self._gps_loss = wind, gps_loss
         self._confirmation = Confirmation()

@@ -14,9 +14,9 @@ OVER_M = 3.0  # farther from the recorded point it is another landing
 
 
 class Restart:
-    """Takes a landing up again, or tells that it is not watched; once, when the autopilot is heard.
+    """Resumes a landing, or reports that it is not watched; once, when the autopilot is heard.
 
-    From then on the landing under way is kept for a companion that is started after this one was killed.
+    From then on the landing under way is stored for a companion that is started after this one was killed.
     """
 
     def __init__(self, memory: LandingMemory) -> None:

@@ -158,7 +158,7 @@ class VehicleCommands:
 
 @dataclass(frozen=True, slots=True)
 class Emergency:
-    """Where an emergency order would land: zone, time until touchdown, and whether the battery lasts.
+    """Zone of an emergency order given now, time until touchdown, and whether the battery lasts.
 
     seconds: infinite where the wind is too strong for every zone. within_battery: None while it is unknown
     how long the battery lasts.

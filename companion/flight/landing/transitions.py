@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from companion.flight.landing.aim import PointSelection
@@ -168,3 +170,12 @@ class Transitions:
                 rise_m = max(0.0, self._route.height_m - float(s.position_enu_m[2]))
                 way_s = rise_m / p.climb_speed_ms
         progress.late_ns = s.now_ns + STUCK_NS + round(2e9 * way_s)
+
+
+class LandingCore(NamedTuple):
+    """Objects that every phase and most interruptions use."""
+
+    parameters: Parameters
+    progress: LandingProgress
+    texts: PilotTexts
+    transitions: Transitions

@@ -10,11 +10,9 @@ from collections.abc import Iterable
 from dataclasses import replace
 
 from companion.flight.landing.aim import Aim, committed_m
-from companion.flight.landing.landing_progress import LandingProgress
-from companion.flight.landing.pilot_texts import PilotTexts
 from companion.flight.landing.point_objections import objection
 from companion.flight.landing.situation import STOPPED, Phase, Severity, Situation, VehicleCommands
-from companion.flight.landing.transitions import SECOND, Transitions
+from companion.flight.landing.transitions import SECOND, LandingCore
 from companion.flight.landing.ways.endurance import is_battery_low
 from params import Parameters
 from slz import MovingObject
@@ -34,21 +32,15 @@ GIVEN_BACK_NS = 12 * SECOND  # after somebody left, until which the map must sho
 LONGEST_NS = 20 * SECOND
 MOST_NS = 60 * SECOND  # of all waits of a landing
 KNOWN_NS = 2 * SECOND  # for which an object goes on as it did, whose track was lost
-MARGIN_S = 1.0  # of the time told to the pilot
+MARGIN_S = 1.0  # s, added to the time that the pilot reads
 MOST_GIVEN = 3  # landings on a point that are broken off for moving objects, before another point is taken
 
 
 class CrossingWait:
     """Hover over the point, in the descent or the autopilot's landing, while somebody crosses."""
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        progress: LandingProgress,
-        texts: PilotTexts,
-        transitions: Transitions,
-    ) -> None:
-        self._p, self._progress, self._texts, self._transitions = parameters, progress, texts, transitions
+    def __init__(self, core: LandingCore) -> None:
+        self._p, self._progress, self._texts, self._transitions = core
         self._since_ns: int | None = None
         self._crossed_ns = 0  # last time at which somebody was crossing
         self._asked_ns = 0

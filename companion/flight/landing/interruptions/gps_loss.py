@@ -8,25 +8,16 @@ estimate seems to change: the last verified state of the point holds.
 from __future__ import annotations
 
 from companion.flight.landing.interruptions.preconditions import Breach
-from companion.flight.landing.landing_progress import LandingProgress
-from companion.flight.landing.pilot_texts import PilotTexts
 from companion.flight.landing.point_objections import objection
 from companion.flight.landing.situation import STOPPED, Phase, Severity, Situation, VehicleCommands
-from companion.flight.landing.transitions import Transitions
-from params import Parameters
+from companion.flight.landing.transitions import LandingCore
 
 
 class WithoutGps:
     """Reaction to the loss of GPS while no odometry guides the autopilot."""
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        progress: LandingProgress,
-        texts: PilotTexts,
-        transitions: Transitions,
-    ) -> None:
-        self._p, self._progress, self._texts, self._transitions = parameters, progress, texts, transitions
+    def __init__(self, core: LandingCore) -> None:
+        self._p, self._progress, self._texts, self._transitions = core
 
     def report(self, reaction: str) -> None:
         """Report the loss and the reaction to it."""

@@ -6,13 +6,10 @@ below the commit height one that the autopilot has not obeyed in a second is voi
 
 from __future__ import annotations
 
-from companion.flight.landing.landing_progress import LandingProgress
 from companion.flight.landing.mode_ownership import ModeOwnership
 from companion.flight.landing.phases.descent import Descent
-from companion.flight.landing.pilot_texts import PilotTexts
 from companion.flight.landing.situation import STOPPED, Phase, Severity, Situation, VehicleCommands
-from companion.flight.landing.transitions import SECOND, Transitions
-from params import Parameters
+from companion.flight.landing.transitions import SECOND, LandingCore
 
 OBEYS_NS = SECOND  # from the decision, in which the autopilot leaves its landing and its mode shows
 
@@ -20,16 +17,8 @@ OBEYS_NS = SECOND  # from the decision, in which the autopilot leaves its landin
 class LateAbort:
     """Watch on an abort that asks the autopilot to leave its landing."""
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        progress: LandingProgress,
-        texts: PilotTexts,
-        transitions: Transitions,
-        ownership: ModeOwnership,
-        descent: Descent,
-    ) -> None:
-        self._p, self._progress, self._texts, self._transitions = parameters, progress, texts, transitions
+    def __init__(self, core: LandingCore, ownership: ModeOwnership, descent: Descent) -> None:
+        self._p, self._progress, self._texts, self._transitions = core
         self._ownership, self._descent = ownership, descent
         self._was_silent = False  # since the decision
 

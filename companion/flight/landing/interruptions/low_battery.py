@@ -5,13 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from companion.flight.landing.confirmation import must_be_confirmed
-from companion.flight.landing.landing_progress import LandingProgress
-from companion.flight.landing.pilot_texts import PilotTexts
 from companion.flight.landing.situation import Phase, Severity, Situation
-from companion.flight.landing.transitions import SECOND, Transitions
+from companion.flight.landing.transitions import SECOND, LandingCore
 from companion.flight.landing.ways.endurance import is_battery_low
 from companion.flight.landing.zone_choice import SoonestZone
-from params import Parameters
 
 CALL_AGAIN_NS = 30 * SECOND  # while there is no zone
 RECHARGED_PCT = 10.0  # above the low charge: another battery, for which everything is said anew
@@ -20,16 +17,9 @@ RECHARGED_PCT = 10.0  # above the low charge: another battery, for which everyth
 class LowBattery:
     """Watch on the charge that the autopilot reports."""
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        progress: LandingProgress,
-        texts: PilotTexts,
-        transitions: Transitions,
-        soonest: SoonestZone,
-    ) -> None:
-        self._p, self._progress, self._texts = parameters, progress, texts
-        self._transitions, self._soonest = transitions, soonest
+    def __init__(self, core: LandingCore, soonest: SoonestZone) -> None:
+        self._p, self._progress, self._texts, self._transitions = core
+        self._soonest = soonest
         self._said_ns: int | None = None
 
     def update(self, s: Situation) -> None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from companion.flight.landing.landing_progress import LandingProgress
 from companion.flight.landing.outage import GpsLoss, Outage
-from companion.flight.landing.pilot_texts import PilotTexts
 from companion.flight.landing.situation import (
     STOPPED,
     MissingInput,
@@ -13,23 +11,14 @@ from companion.flight.landing.situation import (
     Situation,
     VehicleCommands,
 )
-from companion.flight.landing.transitions import Transitions
-from params import Parameters
+from companion.flight.landing.transitions import LandingCore
 
 
 class MissingInputs:
     """Reaction to scans, maps or positions that are late."""
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        progress: LandingProgress,
-        texts: PilotTexts,
-        transitions: Transitions,
-        outage: Outage,
-        gps_loss: GpsLoss,
-    ) -> None:
-        self._p, self._progress, self._texts, self._transitions = parameters, progress, texts, transitions
+    def __init__(self, core: LandingCore, outage: Outage, gps_loss: GpsLoss) -> None:
+        self._p, self._progress, self._texts, self._transitions = core
         self._outage, self._gps_loss = outage, gps_loss
 
     def without_lidar(self, s: Situation) -> VehicleCommands:

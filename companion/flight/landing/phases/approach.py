@@ -15,11 +15,9 @@ from companion.flight.landing.check_order import Check
 from companion.flight.landing.confirmation import ground_at, must_be_confirmed, unconfirmed
 from companion.flight.landing.fenced_zones import aim_is_beyond_fence
 from companion.flight.landing.interruptions.missing_input import MissingInputs
-from companion.flight.landing.landing_progress import LandingProgress
 from companion.flight.landing.landing_wind import LandingWind
 from companion.flight.landing.looks.closer_look import LOOK_MS, CloserLook
 from companion.flight.landing.looks.oblique_look import ObliqueLook
-from companion.flight.landing.pilot_texts import PilotTexts
 from companion.flight.landing.point_objections import cause_suffix, may_be_water, water_suffix
 from companion.flight.landing.route import TURN_M, Route, Way
 from companion.flight.landing.situation import (
@@ -32,9 +30,8 @@ from companion.flight.landing.situation import (
     known,
 )
 from companion.flight.landing.touchdown_heading import is_turned, stands_at, touchdown_heading_rad
-from companion.flight.landing.transitions import SECOND, Transitions
+from companion.flight.landing.transitions import SECOND, LandingCore
 from companion.flight.landing.ways.fly_out import FlyOut
-from params import Parameters
 from slz import PointState, SurfaceHere, SurfaceKind
 
 REFUSED_NS = 3 * SECOND  # called unsafe by every report: rays contradict an echo of clutter sooner
@@ -49,24 +46,17 @@ class Approach:
     """Flies to a point at the height of the route."""
 
     def __init__(
-        self,
-        parameters: Parameters,
-        progress: LandingProgress,
-        texts: PilotTexts,
-        transitions: Transitions,
-        route: Route,
-        wind: LandingWind,
-        missing_inputs: MissingInputs,
+        self, core: LandingCore, route: Route, wind: LandingWind, missing_inputs: MissingInputs
     ) -> None:
         self.checks: tuple[Check, ...] = (
             self.scans, self.arrival, self.point_unsafe, self.fence, self.surface, self.obstacle,
             self.time_limit, self.fly_out, self.way_down, self.point_unseen, self.way_over,
         )  # fmt: skip
-        self._p, self._progress, self._texts, self._transitions = parameters, progress, texts, transitions
+        self._p, self._progress, self._texts, self._transitions = core
         self._route, self._wind, self._missing_inputs = route, wind, missing_inputs
-        self._aside = ObliqueLook(parameters, progress, texts)
-        self._closer = CloserLook(parameters, progress, texts)
-        self._out = FlyOut(parameters, progress, texts, route)
+        self._aside = ObliqueLook(self._p, self._progress, self._texts)
+        self._closer = CloserLook(self._p, self._progress, self._texts)
+        self._out = FlyOut(self._p, self._progress, self._texts, route)
         self._look: tuple[Vector | None, float] = None, math.inf  # of this step
         self._over_since_ns: int | None = None  # over the point, in this approach
         self._standing_since_ns: int | None = None  # over the safe point, at a safe heading

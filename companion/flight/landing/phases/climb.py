@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from companion.flight.landing.check_order import Check
 from companion.flight.landing.interruptions.missing_input import MissingInputs
-from companion.flight.landing.landing_progress import LandingProgress
-from companion.flight.landing.pilot_texts import PilotTexts
 from companion.flight.landing.route import Route
 from companion.flight.landing.situation import (
     STOPPED,
@@ -16,11 +14,10 @@ from companion.flight.landing.situation import (
     VehicleCommands,
     known,
 )
-from companion.flight.landing.transitions import SECOND, STUCK_NS, Transitions
+from companion.flight.landing.transitions import SECOND, STUCK_NS, LandingCore
 from companion.flight.landing.ways.endurance import is_battery_low
 from companion.flight.landing.ways.way_choice import corridors_of
 from companion.flight.landing.ways.way_out import WayOut
-from params import Parameters
 
 STEADY_NS = 2 * SECOND  # at survey height before the next choice
 AT_HEIGHT_M = 1.0  # below survey height
@@ -30,22 +27,14 @@ STUCK_BELOW_NS = 5 * SECOND  # under something, without a way aside
 class Climb:
     """Climbs in guided mode."""
 
-    def __init__(
-        self,
-        parameters: Parameters,
-        progress: LandingProgress,
-        texts: PilotTexts,
-        transitions: Transitions,
-        route: Route,
-        missing_inputs: MissingInputs,
-    ) -> None:
+    def __init__(self, core: LandingCore, route: Route, missing_inputs: MissingInputs) -> None:
         self.checks: tuple[Check, ...] = (
             self.way_up, self.input_back, self.time_limit, self.guided_mode, self.height, self.scans,
             self.steadiness, self.next_choice,
         )  # fmt: skip
-        self._p, self._progress, self._texts = parameters, progress, texts
-        self._transitions, self._route, self._missing_inputs = transitions, route, missing_inputs
-        self._way_out = WayOut(parameters)
+        self._p, self._progress, self._texts, self._transitions = core
+        self._route, self._missing_inputs = route, missing_inputs
+        self._way_out = WayOut(self._p)
         self._up_ms: Vector = STOPPED  # (3,) velocity of this step's climb
         self._below_since_ns: int | None = None  # under something, without a way aside
 

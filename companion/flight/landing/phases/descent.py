@@ -9,10 +9,8 @@ from companion.flight.landing.check_order import Check, decided
 from companion.flight.landing.guidance import level, towards
 from companion.flight.landing.interruptions.crossing import CrossingWait
 from companion.flight.landing.interruptions.gps_loss import WithoutGps
-from companion.flight.landing.landing_progress import LandingProgress
 from companion.flight.landing.landing_wind import LandingWind
 from companion.flight.landing.outage import GpsLoss
-from companion.flight.landing.pilot_texts import PilotTexts
 from companion.flight.landing.point_objections import objection, wire_suffix
 from companion.flight.landing.situation import (
     STOPPED,
@@ -24,9 +22,8 @@ from companion.flight.landing.situation import (
     known,
 )
 from companion.flight.landing.touchdown_heading import stands_at, touchdown_heading_rad
-from companion.flight.landing.transitions import SECOND, Transitions
+from companion.flight.landing.transitions import SECOND, LandingCore
 from companion.flight.landing.ways.approach_path import ApproachPath
-from params import Parameters
 from slz import PointState
 
 TARGET_NS = round(2.5 * SECOND)  # landing target streamed before LAND, for the autopilot's estimator
@@ -45,14 +42,7 @@ class Descent:
     """Descends to `final_height_m` and hands over to the autopilot's landing mode."""
 
     def __init__(
-        self,
-        parameters: Parameters,
-        progress: LandingProgress,
-        texts: PilotTexts,
-        transitions: Transitions,
-        wind: LandingWind,
-        gps_loss: GpsLoss,
-        without_gps: WithoutGps,
+        self, core: LandingCore, wind: LandingWind, gps_loss: GpsLoss, without_gps: WithoutGps
     ) -> None:
         self.checks: tuple[Check, ...] = (
             self.object_without_gps, self.crossing, self.point, self.time_limit, self.moving_in,
@@ -62,9 +52,9 @@ class Descent:
             self.object_without_gps, self.crossing, self.point, self.heading, self.landing_time,
             self.moving_in, self.land_again, self.target,
         )  # fmt: skip
-        self._p, self._progress, self._texts, self._transitions = parameters, progress, texts, transitions
+        self._p, self._progress, self._texts, self._transitions = core
         self._wind, self._gps_loss, self._without_gps = wind, gps_loss, without_gps
-        self._wait = CrossingWait(parameters, progress, texts, transitions)
+        self._wait = CrossingWait(core)
         self._resumed_until_ns = 0
         self._near_since_ns: int | None = None  # on an approach path: the landing target is streamed
         self._free_ns = 0  # on an approach path: last time at which nothing was ahead

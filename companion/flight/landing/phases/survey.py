@@ -9,11 +9,9 @@ import numpy as np
 from companion.flight.landing.check_order import Check
 from companion.flight.landing.fenced_zones import FencedZones, beyond_fence
 from companion.flight.landing.interruptions.missing_input import MissingInputs
-from companion.flight.landing.landing_progress import LandingProgress
 from companion.flight.landing.landing_wind import LandingWind, gust_drift_m
 from companion.flight.landing.looks.oblique_look import ObliqueLook
 from companion.flight.landing.phases.approach import Approach
-from companion.flight.landing.pilot_texts import PilotTexts
 from companion.flight.landing.route import Route
 from companion.flight.landing.situation import (
     STOPPED,
@@ -24,9 +22,8 @@ from companion.flight.landing.situation import (
     VehicleCommands,
     known,
 )
-from companion.flight.landing.transitions import SECOND, Transitions
+from companion.flight.landing.transitions import SECOND, LandingCore
 from companion.flight.landing.zone_choice import SoonestZone, choose, confirmable, look_at
-from params import Parameters
 from slz import SurfaceHere, Zone
 
 SEARCH_NS = 300 * SECOND  # beyond `survey_s`, before the pilot is called
@@ -39,10 +36,7 @@ class Survey:
 
     def __init__(
         self,
-        parameters: Parameters,
-        progress: LandingProgress,
-        texts: PilotTexts,
-        transitions: Transitions,
+        core: LandingCore,
         route: Route,
         wind: LandingWind,
         missing_inputs: MissingInputs,
@@ -54,10 +48,10 @@ class Survey:
             self.guided_mode, self.position, self.scans, self.wind, self.ordered_point, self.zone,
             self.question, self.search_time, self.look_aside, self.corner,
         )  # fmt: skip
-        self._p, self._progress, self._texts = parameters, progress, texts
-        self._transitions, self._route, self._wind = transitions, route, wind
+        self._p, self._progress, self._texts, self._transitions = core
+        self._route, self._wind = route, wind
         self._missing_inputs, self._fenced, self._soonest = missing_inputs, fenced, soonest
-        self._approach, self._aside = approach, ObliqueLook(parameters, progress, texts)
+        self._approach, self._aside = approach, ObliqueLook(self._p, self._progress, self._texts)
         self._asked_ns: int | None = None
         self._looked: list[tuple[Vector, SurfaceHere]] = []  # places in this survey, and their surface then
         self._looked_since_ns = 0

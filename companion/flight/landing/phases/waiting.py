@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from companion.flight.landing.check_order import Check, decided
-from companion.flight.landing.landing_progress import LandingProgress
 from companion.flight.landing.landing_wind import LandingWind
 from companion.flight.landing.mode_ownership import HandOver
 from companion.flight.landing.outage import GpsLoss
-from companion.flight.landing.pilot_texts import PilotTexts
 from companion.flight.landing.situation import (
     LandingRequest,
     Phase,
@@ -18,9 +16,8 @@ from companion.flight.landing.situation import (
     VehicleCommands,
     known,
 )
-from companion.flight.landing.transitions import SECOND, Transitions
+from companion.flight.landing.transitions import SECOND, LandingCore
 from companion.flight.landing.ways.endurance import is_battery_low
-from params import Parameters
 
 STEADY_NS = 2 * SECOND  # airborne and level before an automatic start
 TELL_AGAIN_NS = 30 * SECOND
@@ -33,22 +30,14 @@ class Waiting:
     """Waits for an order; in auto mode it starts one itself."""
 
     def __init__(
-        self,
-        parameters: Parameters,
-        auto: bool,
-        progress: LandingProgress,
-        texts: PilotTexts,
-        transitions: Transitions,
-        hand_over: HandOver,
-        wind: LandingWind,
-        gps_loss: GpsLoss,
+        self, core: LandingCore, auto: bool, hand_over: HandOver, wind: LandingWind, gps_loss: GpsLoss
     ) -> None:
         self.checks: tuple[Check, ...] = (
             self.landed, self.new_hand_over, self.automatic_start, self.inputs, self.climb, self.wind,
             self.start,
         )  # fmt: skip
-        self._p, self._auto, self._progress, self._texts = parameters, auto, progress, texts
-        self._transitions, self._hand_over = transitions, hand_over
+        self._p, self._progress, self._texts, self._transitions = core
+        self._auto, self._hand_over = auto, hand_over
         self._wind, self._gps_loss = wind, gps_loss
         self._disarmed = False  # since the last landing
         self._waits_for: tuple[Severity, str] | None = None

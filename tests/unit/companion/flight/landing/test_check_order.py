@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from companion.flight.geometry.geofence import Geofence
 from companion.flight.geometry.wind import Wind
+from companion.flight.landing import interruptions
 from companion.flight.landing.situation import LandingRequest
 from companion.flight.landing.ways.approach_path import ApproachPath
 from slz import UNSAFE, Intrusion, MovingObject, SurfaceKind
@@ -193,3 +196,9 @@ def test_interruptions_are_checked_in_this_order() -> None:
     checks = Flight([]).executive.reactions.checks
     names = [check.__name__ for check in checks]  # type: ignore[attr-defined]
     assert names == ["void_abort", "refused_mode", "breach", "lost_pose", "late_landing"]
+
+
+def test_every_event_has_a_file_that_the_list_names() -> None:
+    listed = set(re.findall(r"^- `(\w+)`", interruptions.__doc__ or "", re.MULTILINE))
+    files = {path.stem for path in Path(interruptions.__file__).parent.glob("*.py")}
+    assert listed == files - {"__init__", "preconditions", "reactions"}
