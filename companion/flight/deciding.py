@@ -11,8 +11,8 @@ from companion.flight.decision_loop import DecisionLoop, FlownPath
 from companion.flight.doctor.autopilot_fitness import Fitness
 from companion.flight.landing.executive import Executive
 from companion.flight.landing.landing_memory import LandingMemory
-from companion.flight.landing.mavlink_orders import MavlinkOrders
-from companion.flight.landing.operator_order import OrderDesk
+from companion.flight.landing.orders.mavlink_orders import MavlinkOrders
+from companion.flight.landing.orders.operator_order import OrderDesk
 from companion.flight.landing.restart import Restart
 from companion.flight.landing.situation import COMMANDING
 from companion.flight.link.link import Link

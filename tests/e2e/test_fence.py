@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from companion.flight.landing.operator_order import Order, OrderKind
+from companion.flight.landing.orders.operator_order import Order, OrderKind
 from companion.flight.landing.situation import Phase
 from tests.e2e.harness import Mission
 

@@ -17,7 +17,7 @@ from companion.flight.dashboard.browser_orders import (
     Simple,
 )
 from companion.flight.flight_view import FlightView
-from companion.flight.landing.operator_order import Order, OrderKind
+from companion.flight.landing.orders.operator_order import Order, OrderKind
 from companion.flight.landing.situation import Reply
 from params import unknown
 

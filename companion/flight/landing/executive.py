@@ -24,9 +24,8 @@ from companion.flight.landing.interruptions.preconditions import Preconditions
 from companion.flight.landing.interruptions.reactions import Reactions
 from companion.flight.landing.interruptions.withdrawal import VehicleClassAnnouncer, Withdrawal
 from companion.flight.landing.landing_progress import LandingProgress
-from companion.flight.landing.landing_wind import LandingWind
-from companion.flight.landing.mode_ownership import HandOver, ModeOwnership
-from companion.flight.landing.order_acceptance import OrderAcceptance
+from companion.flight.landing.orders.mode_ownership import HandOver, ModeOwnership
+from companion.flight.landing.orders.order_acceptance import OrderAcceptance
 from companion.flight.landing.outage import GpsLoss, Outage
 from companion.flight.landing.outlook import Outlook, outlook
 from companion.flight.landing.phases.approach import Approach
@@ -48,6 +47,7 @@ from companion.flight.landing.transitions import LandingCore, Transitions
 from companion.flight.landing.ways.approach_path import ApproachPath
 from companion.flight.landing.ways.endurance import Endurance
 from companion.flight.landing.ways.way_choice import WaysOfPoint
+from companion.flight.landing.wind.landing_wind import LandingWind
 from companion.flight.landing.zone_choice import SoonestZone
 from params import Parameters
 

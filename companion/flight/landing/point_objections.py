@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from companion.flight.landing.confirmation import unconfirmed
 from companion.flight.landing.fenced_zones import aim_is_beyond_fence
 from companion.flight.landing.landing_progress import LandingProgress
+from companion.flight.landing.orders.confirmation import unconfirmed
 from companion.flight.landing.situation import Situation
 from companion.flight.landing.ways.way_choice import corridors_of, is_blocked, straight_down_is_blocked
 from params import Parameters

@@ -8,8 +8,7 @@ import numpy as np
 
 from companion.flight.landing.aim import PointSelection
 from companion.flight.landing.landing_progress import LandingProgress
-from companion.flight.landing.landing_wind import LandingWind
-from companion.flight.landing.mode_ownership import ModeOwnership
+from companion.flight.landing.orders.mode_ownership import ModeOwnership
 from companion.flight.landing.outage import GpsLoss, Outage
 from companion.flight.landing.pilot_texts import PilotTexts
 from companion.flight.landing.route import Route
@@ -25,6 +24,7 @@ from companion.flight.landing.situation import (
     known,
 )
 from companion.flight.landing.ways.endurance import LANDING_MS
+from companion.flight.landing.wind.landing_wind import LandingWind
 from params import Parameters
 
 SECOND = 1_000_000_000

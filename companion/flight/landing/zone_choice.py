@@ -10,9 +10,9 @@ from operator import itemgetter
 import numpy as np
 
 from companion.flight.geometry.wind import Wind
-from companion.flight.landing.confirmation import must_be_confirmed
 from companion.flight.landing.fenced_zones import FencedZones
 from companion.flight.landing.landing_progress import LandingProgress
+from companion.flight.landing.orders.confirmation import must_be_confirmed
 from companion.flight.landing.situation import Emergency, Situation, Vector
 from companion.flight.landing.ways.endurance import Endurance, reach_time_s
 from params import Parameters

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from companion.flight.landing.operator_order import NUMBERS, OF_ZONES, Order, OrderDesk, OrderKind
+from companion.flight.landing.orders.operator_order import NUMBERS, OF_ZONES, Order, OrderDesk, OrderKind
 from companion.flight.services.settings import Change
 from companion.runtime.clock import now_ns
 from params import Row

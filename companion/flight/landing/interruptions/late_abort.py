@@ -6,7 +6,7 @@ below the commit height one that the autopilot has not obeyed in a second is voi
 
 from __future__ import annotations
 
-from companion.flight.landing.mode_ownership import ModeOwnership
+from companion.flight.landing.orders.mode_ownership import ModeOwnership
 from companion.flight.landing.phases.descent import Descent
 from companion.flight.landing.situation import STOPPED, Phase, Severity, Situation, VehicleCommands
 from companion.flight.landing.transitions import SECOND, LandingCore

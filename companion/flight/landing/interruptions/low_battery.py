@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from companion.flight.landing.confirmation import must_be_confirmed
+from companion.flight.landing.orders.confirmation import must_be_confirmed
 from companion.flight.landing.situation import Phase, Severity, Situation
 from companion.flight.landing.transitions import SECOND, LandingCore
 from companion.flight.landing.ways.endurance import is_battery_low

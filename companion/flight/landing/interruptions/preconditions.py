@@ -10,10 +10,10 @@ from enum import Enum
 
 from companion.flight.landing.interruptions.velocity_following import VelocityFollowing
 from companion.flight.landing.landing_progress import LandingProgress
-from companion.flight.landing.landing_wind import LandingWind
-from companion.flight.landing.mode_ownership import ModeOwnership
+from companion.flight.landing.orders.mode_ownership import ModeOwnership
 from companion.flight.landing.outage import GpsLoss
 from companion.flight.landing.situation import Phase, Situation
+from companion.flight.landing.wind.landing_wind import LandingWind
 from params import Parameters
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from companion.flight.landing.check_order import Check
 from companion.flight.landing.interruptions.preconditions import Breach, Precondition, Reaction
 from companion.flight.landing.landing_progress import LandingProgress
-from companion.flight.landing.mode_ownership import HandOver
+from companion.flight.landing.orders.mode_ownership import HandOver
 from companion.flight.landing.pilot_texts import PilotTexts, bracketed
 from companion.flight.landing.situation import COMMANDING, Phase, Severity, Situation, VehicleCommands
 from companion.flight.landing.transitions import SECOND, Transitions

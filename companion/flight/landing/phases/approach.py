@@ -12,12 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from companion.flight.landing.check_order import Check
-from companion.flight.landing.confirmation import ground_at, must_be_confirmed, unconfirmed
 from companion.flight.landing.fenced_zones import aim_is_beyond_fence
 from companion.flight.landing.interruptions.missing_input import MissingInputs
-from companion.flight.landing.landing_wind import LandingWind
 from companion.flight.landing.looks.closer_look import LOOK_MS, CloserLook
 from companion.flight.landing.looks.oblique_look import ObliqueLook
+from companion.flight.landing.orders.confirmation import ground_at, must_be_confirmed, unconfirmed
 from companion.flight.landing.point_objections import cause_suffix, may_be_water, water_suffix
 from companion.flight.landing.route import TURN_M, Route, Way
 from companion.flight.landing.situation import (
@@ -32,6 +31,7 @@ from companion.flight.landing.situation import (
 from companion.flight.landing.touchdown_heading import is_turned, stands_at, touchdown_heading_rad
 from companion.flight.landing.transitions import SECOND, LandingCore
 from companion.flight.landing.ways.fly_out import FlyOut
+from companion.flight.landing.wind.landing_wind import LandingWind
 from slz import PointState, SurfaceHere, SurfaceKind
 
 REFUSED_NS = 3 * SECOND  # called unsafe by every report: rays contradict an echo of clutter sooner

@@ -9,7 +9,6 @@ from companion.flight.landing.check_order import Check, decided
 from companion.flight.landing.guidance import level, towards
 from companion.flight.landing.interruptions.crossing import CrossingWait
 from companion.flight.landing.interruptions.gps_loss import WithoutGps
-from companion.flight.landing.landing_wind import LandingWind
 from companion.flight.landing.outage import GpsLoss
 from companion.flight.landing.point_objections import objection, wire_suffix
 from companion.flight.landing.situation import (
@@ -24,6 +23,7 @@ from companion.flight.landing.situation import (
 from companion.flight.landing.touchdown_heading import stands_at, touchdown_heading_rad
 from companion.flight.landing.transitions import SECOND, LandingCore
 from companion.flight.landing.ways.approach_path import ApproachPath
+from companion.flight.landing.wind.landing_wind import LandingWind
 from slz import PointState
 
 TARGET_NS = round(2.5 * SECOND)  # landing target streamed before LAND, for the autopilot's estimator

@@ -9,7 +9,6 @@ import numpy as np
 from companion.flight.landing.check_order import Check
 from companion.flight.landing.fenced_zones import FencedZones, beyond_fence
 from companion.flight.landing.interruptions.missing_input import MissingInputs
-from companion.flight.landing.landing_wind import LandingWind, gust_drift_m
 from companion.flight.landing.looks.oblique_look import ObliqueLook
 from companion.flight.landing.phases.approach import Approach
 from companion.flight.landing.route import Route
@@ -23,6 +22,7 @@ from companion.flight.landing.situation import (
     known,
 )
 from companion.flight.landing.transitions import SECOND, LandingCore
+from companion.flight.landing.wind.landing_wind import LandingWind, gust_drift_m
 from companion.flight.landing.zone_choice import SoonestZone, choose, confirmable, look_at
 from slz import SurfaceHere, Zone
 

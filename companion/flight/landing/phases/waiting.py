@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from companion.flight.landing.check_order import Check, decided
-from companion.flight.landing.landing_wind import LandingWind
-from companion.flight.landing.mode_ownership import HandOver
+from companion.flight.landing.orders.mode_ownership import HandOver
 from companion.flight.landing.outage import GpsLoss
 from companion.flight.landing.situation import (
     LandingRequest,
@@ -18,6 +17,7 @@ from companion.flight.landing.situation import (
 )
 from companion.flight.landing.transitions import SECOND, LandingCore
 from companion.flight.landing.ways.endurance import is_battery_low
+from companion.flight.landing.wind.landing_wind import LandingWind
 
 STEADY_NS = 2 * SECOND  # airborne and level before an automatic start
 TELL_AGAIN_NS = 30 * SECOND

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from companion.flight.geometry.geofence import NO_FENCE, Geofence
 from companion.flight.geometry.wind import Wind
 from companion.flight.landing.aim import Aim
-from companion.flight.landing.landing_wind import FROM_MS
 from companion.flight.landing.route import Route
 from companion.flight.landing.situation import Situation, Vector
 from companion.flight.landing.ways.approach_path import ApproachPath, hover_height_m
+from companion.flight.landing.wind.landing_wind import FROM_MS
 from params import Parameters
 from slz import SAFE, UNSAFE, Corridors, SelectedPoint
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import logging
 
 from companion.flight.landing.executive import Executive
-from companion.flight.landing.landing_point_announcer import LandingPointAnnouncer
 from companion.flight.landing.situation import Phase, Severity
 from companion.flight.link.link import Link
+from companion.flight.outputs.announcers.landing_point_announcer import LandingPointAnnouncer
 from companion.flight.outputs.announcers.wire_announcer import WireAnnouncer
 from params import Parameters
 from slz import Report

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from companion.flight.geometry.wind import Wind
-from companion.flight.landing.landing_wind import FORGET_NS, IntoWind, WindLimit, gust_drift_m
 from companion.flight.landing.situation import LandingRequest
 from companion.flight.landing.touchdown_heading import touchdown_heading_rad
+from companion.flight.landing.wind.landing_wind import FORGET_NS, IntoWind, WindLimit, gust_drift_m
 from slz.terrain.footing import ALL_HEADINGS, Footing
 from tests.unit.companion.flight.landing.flight import Flight, Phase, zone
 from tests.unit.companion.flight.landing.test_touchdown_heading import at, turn_of

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.landing.mavlink_orders import MavlinkOrders
-from companion.flight.landing.operator_order import OrderDesk
+from companion.flight.landing.orders.mavlink_orders import MavlinkOrders
+from companion.flight.landing.orders.operator_order import OrderDesk
 from companion.flight.landing.situation import Reply
 from companion.flight.link.command_server import OperatorCommand
 from slz import LocalFrame

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import params
-from companion.flight.landing.confirmation import Confirmation, Ground
+from companion.flight.landing.orders.confirmation import Confirmation, Ground
 from companion.flight.landing.zone_choice import choose, confirmable, look_at, soonest
 from slz import PointState, SurfaceHere, SurfaceKind
 from slz.surface.surface_kinds import UNKNOWN_SURFACE

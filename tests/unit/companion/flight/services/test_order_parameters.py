@@ -8,8 +8,8 @@ from typing import Any, cast
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.landing.mavlink_orders import KINDS
-from companion.flight.landing.operator_order import Order, OrderDesk, OrderKind
+from companion.flight.landing.orders.mavlink_orders import KINDS
+from companion.flight.landing.orders.operator_order import Order, OrderDesk, OrderKind
 from companion.flight.landing.situation import Reply
 from companion.flight.link.statustext import CHUNK_BYTES
 from companion.flight.services import order_parameters

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from companion.flight.landing.aim import PointSelection
-from companion.flight.landing.confirmation import Confirmation, Ground, ground_at, must_be_confirmed
 from companion.flight.landing.fenced_zones import beyond_fence
-from companion.flight.landing.landing_wind import LandingWind
-from companion.flight.landing.mode_ownership import ModeOwnership
+from companion.flight.landing.orders.confirmation import Confirmation, Ground, ground_at, must_be_confirmed
+from companion.flight.landing.orders.mode_ownership import ModeOwnership
 from companion.flight.landing.outage import GpsLoss
 from companion.flight.landing.situation import (
     COMMANDING,
@@ -21,6 +20,7 @@ from companion.flight.landing.situation import (
 )
 from companion.flight.landing.transitions import LandingCore
 from companion.flight.landing.ways.endurance import is_battery_low
+from companion.flight.landing.wind.landing_wind import LandingWind
 from slz import Zone
 
 

@@ -8,7 +8,7 @@ from typing import Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.flight.landing.operator_order import NUMBERS, OF_ZONES, Order, OrderDesk, OrderKind
+from companion.flight.landing.orders.operator_order import NUMBERS, OF_ZONES, Order, OrderDesk, OrderKind
 from companion.flight.landing.situation import Reply
 from companion.flight.link.command_server import CommandReply, OperatorCommand
 from slz import LocalFrame

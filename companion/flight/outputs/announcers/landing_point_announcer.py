@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.flight.landing.confirmation import surface_suffix
+from companion.flight.landing.orders.confirmation import surface_suffix
 from companion.flight.landing.situation import Severity
 from params import Parameters
 from slz import PointState, Report, SelectedPoint

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 import params
-from companion.flight.landing.landing_point_announcer import LandingPointAnnouncer
 from companion.flight.landing.situation import Severity
+from companion.flight.outputs.announcers.landing_point_announcer import LandingPointAnnouncer
 from slz import PointState, Report, SurfaceHere, SurfaceKind
 from slz.landing_point.judgement import unknown
 from slz.terrain.footing import Footing
