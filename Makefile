@@ -73,7 +73,7 @@ docs: setup
 # workers on two cores: tests that talk to real processes mostly wait.
 WORKERS := -n 3 --dist loadfile --no-loadscope-reorder
 unit: setup
-	$(PYTEST) $(WORKERS) -m "not long and not bench and not browser"
+	$(PYTEST) $(WORKERS) -m "$(if $(ALL),,not long and )not bench and not browser"
 
 # What `make test` leaves out: most flights, searches, long recordings and surveys.
 test-all: setup

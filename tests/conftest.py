@@ -19,6 +19,17 @@ AUTOPILOTS = {
     "arducopter": "an ArduCopter SITL binary",
     "px4": "the binary of a PX4 SITL (bin/px4 of its build folder)",
 }
+# Whole folders and modules that `make test` leaves out: the simulator, the desk, what is off by default.
+LONG = (
+    "tests/unit/sitl/",
+    "tests/unit/companion/desk/",
+    "tests/unit/test_package.py",
+    "tests/unit/test_flight_judges.py",
+    "tests/unit/companion/flight/fusion/odometry/",
+    "tests/unit/companion/flight/fusion/external_odometry/",
+    "tests/integration/test_survey_",
+    "tests/integration/test_odometry_loop.py",
+)
 CHROMIUM = Path(shutil.which("chromium") or "/usr/bin/chromium")
 MAVPROXY = Path(sys.executable).with_name("mavproxy.py")
 
@@ -46,7 +57,10 @@ def pytest_sessionstart(session: pytest.Session) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Skip what flies an autopilot that was not named."""
+    """Skip what flies an autopilot that was not named, and mark what is long as a whole."""
+    for item in items:
+        if item.nodeid.startswith(LONG):
+            item.add_marker(pytest.mark.long)
     for name, what in AUTOPILOTS.items():
         if config.getoption(f"--{name}") is None:
             skip = pytest.mark.skip(reason=f"needs --{name} PATH, {what}")

@@ -257,10 +257,12 @@ class World:
             )
             for m, m0 in ((y, y0), (x, x0))
         )
-        part, spheres = any_top[rows, cols], self._mover_table[3]
+        highest_m, spheres = float(any_top[rows, cols].max(initial=-math.inf)), self._mover_table[3]
+        if not len(spheres):  # asked at each tick
+            return highest_m
         near = np.hypot(spheres[:, 0] - x, spheres[:, 1] - y) <= radius_m + spheres[:, 3]
         tops = spheres[near, 2] + spheres[near, 3]
-        return max(float(part.max(initial=-math.inf)), float(tops.max(initial=-math.inf)))
+        return max(highest_m, float(tops.max(initial=-math.inf)))
 
     def surface(self, xs: F64, ys: F64) -> tuple[F64, U8]:
         """Return the exact height and material seen from straight above.

@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from companion.desk.evidence.artefact_file import read_artefact
 from tests.fuzz.campaign import ALL, FOUND, Outcome, document, replayed, run
 from tests.fuzz.harness import HangError, Harness, limited
-from tests.fuzz.mutation import mutated
 from tests.unit.companion.flight.sensors.ouster_packets import MISSING
 
 # What decoding one packet costs beyond its share here; the campaign tries these too.
@@ -71,21 +70,6 @@ def test_a_defect_is_found_and_its_input_made_small(tmp_path: Path) -> None:
     assert [base64.b64decode(data) for data in case["inputs"]] == [b"\xff"]
 
 
-def test_every_input_that_fails_is_counted_and_no_replay_of_it(tmp_path: Path) -> None:
-    tries = 0
-
-    def often(_data: bytes) -> None:
-        nonlocal tries
-        tries += 1
-        if tries % 2:
-            raise KeyError("x")
-
-    outcome = run(Harness("often", lambda: [bytes(64)], lambda _folder: often), 100, 1, tmp_path, None)
-    assert tries > 100
-    assert len(outcome.failures) == 1
-    assert 40 <= outcome.failed <= 60
-
-
 def test_the_results_are_an_artefact_of_evidence(tmp_path: Path) -> None:
     defect = Outcome("las", 10, failed=4, failures={"IndexError in las.py:x": "no"})
     both = Outcome("ply", 30, failed=2, grown_mb=99.0, failures={"KeyError in ply.py:x": "no"})
@@ -110,14 +94,3 @@ def test_an_endless_input_is_stopped() -> None:
 
     with pytest.raises(HangError, match="longer than 0.05 s"), limited(0.05):
         endless()
-
-
-def test_mutation_is_the_same_for_the_same_seed_and_bounded() -> None:
-    from random import Random
-
-    def many(seed: int) -> list[bytes]:
-        rng = Random(seed)
-        return [mutated(bytes(range(200)), [b"other"], [b"word"], rng) for _ in range(200)]
-
-    assert many(1) == many(1) != many(2)
-    assert max(map(len, many(1))) < 1 << 16

@@ -92,6 +92,7 @@ def checked(path: Path, scene: str, seed: int, roll_deg: float, pitch_deg: float
 SCENES = ("plain", "hill", "mountains", "dense", "streets", "stadium")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_right_mount_is_never_called_wrong(scene: str, seed: int) -> None:
