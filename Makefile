@@ -24,7 +24,8 @@ quick: setup
 
 # What reaches one file: FILE=slz/zones/ranking.py.
 touched: setup
-	$(PYTEST) -m "not bench and not browser" $(shell $(BIN)/python -m tests.reach $(or $(FILE),$(error FILE=slz/... is missing)))
+	@test -n "$(FILE)" || { echo "which file? make touched FILE=slz/zones/ranking.py"; exit 2; }
+	$(PYTEST) -m "not bench and not browser" $$($(BIN)/python -m tests.reach $(FILE))
 
 # Kernels are compiled once beside the checks of the text, instead of by every worker of the tests.
 test: setup
