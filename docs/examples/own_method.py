@@ -1,4 +1,4 @@
-"""A method of one's own in the benchmark: heights of a cell's returns must lie within the relief limit.
+"""How does my own method do in the benchmark? Here: heights under a footprint must lie within a limit.
 
 slz benchmark --method-file docs/examples/own_method.py --method slz --only rock --out out/mine
 """

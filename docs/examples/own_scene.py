@@ -1,4 +1,4 @@
-"""A scene of one's own, looked at from above: a meadow with a shed, a pond and a wire across it."""
+"""How do I add a scene to the simulator? A meadow with a shed, a pond, trees and a wire across it."""
 
 # --8<-- [start:scene]
 import numpy as np
@@ -17,27 +17,24 @@ def build(seed: int) -> Scene:
     terrain.swell(0.3, 40.0)
     terrain.level(terrain.rectangle(-10.0, -10.0, 10.0, 10.0), 0.0, 10.0)
     terrain.flood(terrain.ellipse(35.0, 0.0, 12.0, 8.0), terrain.at(35.0, 0.0) - 0.5, 4.0)
-    solids = [
-        Box(-30.0, 20.0, terrain.at(-30.0, 20.0), 8.0, 5.0, 3.0, 0.3, Kind.WOOD, "shed"),
-        Wire((-50.0, -30.0, 9.0), (50.0, -30.0, 9.0), name="wire"),
-    ]
+    shed = Box(-30.0, 20.0, terrain.at(-30.0, 20.0), 8.0, 5.0, 3.0, 0.3, Kind.WOOD, "shed")
+    solids = [shed, Wire((-50.0, -30.0, 9.0), (50.0, -30.0, 9.0), name="wire")]
     for k, (x, y) in enumerate(rng.uniform((-50.0, 30.0), (50.0, 50.0), (12, 2))):
         solids += scene_objects.tree(f"tree-{k}", x, y, terrain.at(x, y), rng.uniform(5.0, 9.0), rng)
-    return Scene(
-        name="meadow",
-        seed=seed,
-        world=World(terrain.ground(), solids),
-        home_enu=(0.0, 0.0, 0.0),
-        description="Meadow with a shed, a pond and a wire",
-        regions={"middle": rectangle(-10.0, -10.0, 10.0, 10.0)},
-    )
+    world = World(terrain.ground(), solids)
+    middle = rectangle(-10.0, -10.0, 10.0, 10.0)
+    return Scene("meadow", seed, world, (0.0, 0.0, 0.0), "Meadow with a shed and a pond", {"middle": middle})
 
 
 # --8<-- [end:scene]
-
 if __name__ == "__main__":
+    import matplotlib.pyplot as plt
+
     from sitl.truth import truth
 
-    scene = build(1)
-    found = truth.safe_map(scene.world, (-40.0, -40.0, 50.0, 40.0))
+    scene = build(seed=1)
+    found = truth.safe_map(scene.world, (-40.0, -40.0, 50.0, 40.0))  # west, south, east, north
     print(f"{scene.name}: {100 * float(found.safe.mean()):.0f} % of it is safe for a footprint of 2 m")
+    plt.figure(figsize=(4.5, 4), layout="constrained")
+    plt.imshow(found.safe, origin="lower", extent=(-40, 50, -40, 40), cmap="RdYlGn")
+    plt.savefig("own_scene.png", dpi=72)
