@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import io
+import platform
 import sys
+from importlib import metadata
 from typing import Annotated, NoReturn, cast
 
 import typer
@@ -22,7 +24,6 @@ from companion.cli.reproduce import reproduce
 from companion.cli.run import run
 from companion.cli.safe_map_benchmark import benchmark
 from companion.cli.simulator import sim
-from companion.cli.version import show
 from companion.runtime import extras
 from companion.runtime.errors import CompanionError, UsageError
 from companion.runtime.interrupt import Interrupted, Interrupts
@@ -31,10 +32,25 @@ app = typer.Typer(pretty_exceptions_enable=False)
 _BadArguments = cast(type[Exception], typer.BadParameter.__base__)  # click's, of typer's version
 
 
+def _versions() -> str:
+    """Return the versions of slz, Python, Numba and NumPy, and the platform, in one line."""
+    python = platform.python_version()
+    libraries = ", ".join(f"{name} {metadata.version(name)}" for name in ("numba", "numpy"))
+    return f"slz {metadata.version('slz')}, Python {python}, {libraries}, {platform.platform()}"
+
+
+def _show_versions(asked: bool) -> None:
+    """Print the versions and end, when the option is given."""
+    if asked:
+        print(_versions())
+        raise typer.Exit
+
+
 @app.callback()
 def slz(
     version: Annotated[
-        bool, typer.Option("--version", is_eager=True, callback=show, help="Print the versions and end.")
+        bool,
+        typer.Option("--version", is_eager=True, callback=_show_versions, help="Print the versions and end."),
     ] = False,
 ) -> None:
     """Safe landing zones from LiDAR: map the ground, choose where to land, land there."""

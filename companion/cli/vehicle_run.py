@@ -15,7 +15,7 @@ from companion.flight.sensing import Sources
 from companion.flight.services.services import start_signing
 from companion.flight.telling import Displays
 from companion.runtime import output_folder
-from companion.runtime.priority import real_time_priority
+from companion.runtime.process_tuning import real_time_priority
 from companion.runtime.state_directory import StateDir
 from companion.runtime.watchdog import Watchdog
 from params import Parameters

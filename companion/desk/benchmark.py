@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import params
-from companion.runtime.allocator import keep_memory
 from companion.runtime.errors import UsageError
+from companion.runtime.process_tuning import keep_memory
 from slz import LocalFrame, Pipeline, Report, Window
 from slz.terrain.terrain import Tally
 from slz.warm_up import warm_up

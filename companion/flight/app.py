@@ -21,10 +21,10 @@ from companion.flight.services.settings import Settings
 from companion.flight.services.vehicle_memory import identity_from, remember_vehicle
 from companion.flight.telling import Displays, build_telling
 from companion.flight.terrain_mapping import build_mapping
-from companion.runtime.allocator import keep_memory
 from companion.runtime.clock import WallOffset
 from companion.runtime.event import Event
 from companion.runtime.named_tasks import Stopped, run_together
+from companion.runtime.process_tuning import keep_memory
 from companion.runtime.state_directory import StateDir
 from params import Parameters
 from slz import TerrainMaps

@@ -22,7 +22,7 @@ from typing import Any
 
 from companion.desk.replay.own_replay import Replay
 from companion.desk.replay.recording_reader import RecordingReader
-from companion.runtime.allocator import keep_memory
+from companion.runtime.process_tuning import keep_memory
 from slz.warm_up import warm_up
 
 MARK = 77  # no class of priorities

@@ -25,7 +25,7 @@ from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.sensors.decoders.livox_decoder import LivoxDecoder
 from companion.flight.sensors.decoders.velodyne_decoder import VelodyneDecoder
 from companion.flight.sensors.returns import Returns
-from companion.runtime.allocator import keep_memory
+from companion.runtime.process_tuning import keep_memory
 from slz import LocalFrame, Pipeline, Window
 from slz.warm_up import warm_up
 from tests.unit.companion.flight.sensors.velodyne_packets import velodyne_packet

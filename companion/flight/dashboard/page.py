@@ -23,7 +23,7 @@ from companion.flight.dashboard.server import Server
 from companion.flight.dashboard.site import ANSWER_S, Site
 from companion.flight.flight_view import FlightView
 from companion.flight.landing.situation import Reply
-from companion.runtime.priority import SWITCH_S
+from companion.runtime.process_tuning import SWITCH_S
 from params import Row
 from slz import LocalFrame, Pipeline, Report
 

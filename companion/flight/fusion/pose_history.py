@@ -14,7 +14,7 @@ from companion.flight.fusion.motion import POSITION_WIDTH, STRETCH, interpolate
 from companion.flight.fusion.odometry.correction import Correction
 from companion.flight.geometry.axes import quaternion_wxyz
 from companion.flight.geometry.pose import Pose, turned
-from companion.runtime.sample_buffer import SampleBuffer
+from companion.runtime.ring_buffer import SampleBuffer
 from params import Parameters
 from slz.frame import LocalFrame
 

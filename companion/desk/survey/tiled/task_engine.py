@@ -9,8 +9,8 @@ from contextlib import ExitStack, contextmanager
 from typing import Any, Protocol, TypeVar
 
 from companion.runtime import extras
-from companion.runtime.allocator import ENVIRONMENT
 from companion.runtime.errors import CompanionError, UsageError
+from companion.runtime.process_tuning import ENVIRONMENT
 
 log = logging.getLogger(__name__)
 

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from companion.flight.geometry.sensor_mount import Mount
 from companion.flight.sensors.imu_samples import ImuSamples
-from companion.runtime.ring_buffer import RingBuffer
-from companion.runtime.sample_buffer import SampleBuffer
+from companion.runtime.ring_buffer import RingBuffer, SampleBuffer
 
 Floats = NDArray[np.float64]
 
