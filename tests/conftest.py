@@ -50,7 +50,7 @@ def pytest_sessionstart(session: pytest.Session) -> None:
     """Record the version of the program in `--junitxml`; the fixture for it does not work with workers."""
     report = session.config.stash.get(xml_key, None)
     if report is not None:
-        from companion.desk.evidence.junit_report import PROGRAM_PROPERTY
+        from companion.desk.evidence.artefact_file import PROGRAM_PROPERTY
         from companion.runtime.program_version import program_version
 
         report.add_global_property(PROGRAM_PROPERTY, program_version())

@@ -12,8 +12,15 @@ import typer
 import params
 from companion.cli.console import compile_at_first, err, page_endpoint, set_up_logging, stdout_console
 from companion.cli.options import Background, DashboardToken, Json, Prior, Profile, Settings, Verbose
-from companion.desk.demo.demo_options import INTRUDERS, SCENES, DemoOptions, check
-from companion.desk.demo.demo_sensors import SENSORS, sensor_named, usual_sensor
+from companion.desk.demo.demo_options import (
+    INTRUDERS,
+    SCENES,
+    SENSORS,
+    DemoOptions,
+    check,
+    sensor_named,
+    usual_sensor,
+)
 from companion.desk.demo.demo_summary import table
 from companion.runtime import extras, kernel_compilation
 

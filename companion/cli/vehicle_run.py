@@ -103,7 +103,7 @@ async def _run(companion: Companion, out: Path | None) -> dict[str, Any]:
 
 
 def _try_to_draw(companion: Companion, out: Path) -> None:
-    from companion.desk.figures.flight_figures import draw_flight
+    from companion.desk.figures import draw_flight
 
     try:
         draw_flight(companion, out)

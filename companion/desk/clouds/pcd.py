@@ -21,7 +21,7 @@ import lzf
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.desk.clouds import memory_limit
+from companion.desk.clouds import cloud_source
 from companion.desk.clouds.cloud_source import CHUNK, NO_STEPS, Chunk, finite, translated
 from companion.desk.clouds.crs import Reference
 from companion.desk.clouds.laz_chunks import check_none_follow
@@ -179,7 +179,7 @@ class PcdSource:
             return np.frombuffer(packed, np.uint8)
         if plain_bytes != self.n_points * self.layout.record_bytes or plain_bytes > packed_bytes * MOST_RATIO:
             raise UsageError(f"{self.path}: it is corrupt, its sizes contradict each other: copy it again")
-        memory_limit.check_bytes(plain_bytes, self.path)
+        cloud_source.check_bytes(plain_bytes, self.path)
         try:
             plain = lzf.decompress(packed, plain_bytes)
         except ValueError:

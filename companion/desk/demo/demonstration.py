@@ -23,8 +23,7 @@ from rich.status import Status
 
 from companion.desk.demo import flight_files
 from companion.desk.demo.demo_options import TAKEOFF_M, DemoOptions, check
-from companion.desk.demo.flight_files import FlownMap
-from companion.desk.demo.flown_timeline import Said, Timeline
+from companion.desk.demo.flight_files import FlownMap, Said, Timeline
 from companion.desk.evaluation import Truth, area_error, read_truth, touchdown
 from companion.flight.app import Companion
 from companion.flight.landing.situation import Phase
@@ -327,7 +326,7 @@ def _draw(companion: Companion, out: Path) -> dict[str, str]:
     if (package := extras.missing("plots")) is not None:
         log.warning(extras.explain("no pictures", package, "plots"))
         return {}
-    from companion.desk.figures.flight_figures import draw_flight
+    from companion.desk.figures import draw_flight
 
     return draw_flight(companion, out)
 

@@ -9,10 +9,9 @@ from functools import partial
 from typing import Any
 
 from companion.desk.evidence.artefact_file import Artefact
-from companion.desk.evidence.binomial_bound import CONFIDENCE
-from companion.desk.evidence.evidence_runs import SIMULATION, seeds_text
+from companion.desk.evidence.evidence_ledger import SIMULATION, seeds_text
 from companion.desk.evidence.hazard_list import assurance_parts
-from companion.desk.evidence.safety_case import Finding, HazardEvidence, SafetyCase, State
+from companion.desk.evidence.safety_case import CONFIDENCE, Finding, HazardEvidence, SafetyCase, State
 from companion.desk.page_template import render
 
 NOT_COUNTED = "not counted"

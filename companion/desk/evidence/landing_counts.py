@@ -13,9 +13,15 @@ from itertools import pairwise
 from typing import Any
 
 from companion.desk.evidence.artefact_fields import MOST_SEED, ArtefactError, Fields
-from companion.desk.evidence.evidence_runs import ENVIRONMENTS, SIMULATION, UNKNOWN_VERSION, Runs, Seeds, size
-from companion.desk.evidence.flight_results import CAMPAIGN, LANDINGS, TOUCHDOWNS
-from companion.desk.evidence.fuzz_and_soak import FUZZ, SOAK
+from companion.desk.evidence.evidence_ledger import (
+    ENVIRONMENTS,
+    SIMULATION,
+    UNKNOWN_VERSION,
+    Runs,
+    Seeds,
+    size,
+)
+from companion.desk.evidence.flight_results import CAMPAIGN, FUZZ, LANDINGS, SOAK, TOUCHDOWNS
 from companion.runtime.program_version import program_version
 
 COUNTS, COUNTS_FORMAT, COUNTS_VERSION = "counts", "slz-counts", 1

@@ -6,11 +6,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
 
+from scipy.special import betaincinv
+
 from companion.desk.evidence.artefact_file import Artefact
-from companion.desk.evidence.binomial_bound import upper_bound
-from companion.desk.evidence.evidence_ledger import Entry, Ledger
-from companion.desk.evidence.evidence_runs import MEASURES, SIMULATION
+from companion.desk.evidence.evidence_ledger import MEASURES, SIMULATION, Entry, Ledger
 from companion.desk.evidence.hazard_list import Hazard, Severity
+
+CONFIDENCE = 0.95
 
 KINDS = ("test", "campaign", "landings", "fuzz", "soak", "counts")
 MOST_FAILURES = 10  # of one row that are named
@@ -242,3 +244,22 @@ def _finding(label: str, environment: str, is_random: bool, entries: Sequence[En
         tuple(named),
         tuple(sorted({k for e in entries for k in e.artefacts})),
     )
+
+
+def upper_bound(failures: int, runs: int, confidence: float = CONFIDENCE) -> float:
+    """Return the one-sided Clopper-Pearson upper bound of the probability of a failure.
+
+    It is the probability of a failure at which `failures` or fewer of `runs` have the probability
+    1 - confidence. Without a failure it is 1 - (1 - confidence)^(1/runs), about 3/runs at 95 %. Without a run
+    it is 1: nothing is known.
+
+    Raises
+    ------
+    ValueError
+        The counts or the confidence cannot be.
+    """
+    if not 0 <= failures <= runs or not 0.0 < confidence < 1.0:
+        raise ValueError(f"{failures} failures of {runs} runs at a confidence of {confidence}")
+    if failures == runs:
+        return 1.0
+    return float(betaincinv(failures + 1, runs - failures, confidence))

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.desk.figures.layer_figures import draw_numbers, draw_ramp, draw_safe, draw_surface
-from companion.desk.figures.map_furniture import NO_MARKS, Marks, draw_frame, draw_marks
-from companion.desk.figures.picture import Picture
+from companion.desk.figures.picture import NO_MARKS, Marks, Picture, draw_frame, draw_marks
+from companion.flight.landing.situation import Phase
 from params import Parameters
 from slz import TerrainMaps, Zone
 from slz.terrain.layers import Output, reaching
 
-__all__ = ["Marks", "save_flight", "save_maps", "save_terrain"]
+if TYPE_CHECKING:
+    from companion.flight.app import Companion
+
+__all__ = ["Marks", "draw_flight", "save_flight", "save_maps", "save_terrain"]
 
 Floats = NDArray[np.float64]
 RAMPS = {layer.file: layer for layer in reaching(Output.PICTURE) if not layer.is_height}
@@ -101,3 +105,17 @@ def _save(path: Path, picture: Picture, name: str, title: str, marks: Marks) -> 
     draw_marks(axes, marks)
     draw_frame(axes, picture, title)
     figure.savefig(path, bbox_inches="tight", pad_inches=0.15)
+
+
+def draw_flight(companion: Companion, out: Path) -> dict[str, str]:
+    """Draw a flight's maps into a folder; return the files by name."""
+    maps = companion.maps
+    if maps is None:
+        return {}
+    zones = companion.mapping.latest.newest.zones if companion.mapping.latest.newest else ()
+    chosen = companion.executive.tally.chosen_enu_m
+    path = companion.deciding.path.enu_m.array()
+    landed = companion.executive.phase is Phase.LANDED
+    touchdown = path[-1] if landed and len(path) else None
+    files = save_flight(out, maps, zones, path, chosen, touchdown, companion.parameters)
+    return {file.stem: str(file) for file in files}

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.desk.figures.map_furniture import Marks
-from companion.desk.figures.picture import Picture
+from companion.desk.figures.picture import Marks, Picture
 from params import Parameters
 from slz import SAFE, UNKNOWN, Zone
 from slz.terrain.layers import Layer

@@ -20,8 +20,7 @@ from rasterio import Affine
 
 from companion.desk.clouds.cloud_source import translated
 from companion.desk.clouds.crs import from_option
-from companion.desk.clouds.header_check import check_header
-from companion.desk.clouds.las import coordinates, pieces
+from companion.desk.clouds.las import check_header, coordinates, pieces
 from companion.desk.clouds.pcd import open_pcd
 from companion.desk.open_benchmark.benchmark_case import BenchmarkCase, frozen_agreement, local_crs
 from companion.desk.open_benchmark.footprint_truth import SceneTruth

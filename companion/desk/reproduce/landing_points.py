@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from companion.desk.figures.layer_figures import draw_surface
-from companion.desk.figures.map_furniture import Marks, draw_frame, draw_marks
-from companion.desk.figures.picture import Picture
+from companion.desk.figures.picture import Marks, Picture, draw_frame, draw_marks
 from companion.desk.reproduce.places import ABOVE_DEG, BELOW_DEG, ObservedPoint, Place, watch
 from companion.desk.reproduce.reproduction_page import Pictures, Section, Table
 from companion.desk.reproduce.scenarios import MODES

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.desk.figures.map_furniture import draw_frame
-from companion.desk.figures.picture import Picture
+from companion.desk.figures.picture import Picture, draw_frame
 from companion.desk.reproduce.reproduction_page import Pictures, Section, Table
 from companion.desk.reproduce.scenarios import MODES
 from companion.desk.reproduce.source_scenes import Case, pipeline_for

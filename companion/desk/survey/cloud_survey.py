@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.desk.clouds import memory_limit
+from companion.desk.clouds import cloud_source
 from companion.desk.clouds.cloud import GeoreferencedCloud
 from companion.desk.survey.coordinate_steps import check_steps
 from companion.desk.survey.local_metres import Metric, metric_for
@@ -48,7 +48,7 @@ def survey(cloud: GeoreferencedCloud, parameters: Parameters) -> CloudSurvey:
     metric = metric_for(cloud.reference, low, high, parameters.cell_m)
     check_steps("the cloud", cloud.scales, (metric.x_m, metric.y_m, metric.z_m), parameters)
     width, height = (float(v) for v in (high - low)[:2] * (metric.x_m, metric.y_m))
-    memory_limit.check_cells(width, height, parameters.cell_m, len(points))
+    cloud_source.check_cells(width, height, parameters.cell_m, len(points))
     points = metric.local(points)
     density = density_per_m2(points)
     own = _fitted(parameters, density, max(width, height))

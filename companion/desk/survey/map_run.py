@@ -46,7 +46,7 @@ def run(
     Parameters
     ----------
     files
-        Clouds of one CRS, see `companion.desk.clouds.cloud_format`.
+        Clouds of one CRS, see `companion.desk.clouds.cloud`.
     out
         Folder, made if it is missing.
     parameters

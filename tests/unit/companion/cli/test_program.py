@@ -19,7 +19,7 @@ from rich.logging import RichHandler
 
 import params
 from companion.cli import console, program, vehicle_run
-from companion.desk.figures import flight_figures
+from companion.desk import figures
 from companion.flight.dashboard.page import PageEndpoint
 from companion.runtime.event import Event
 from params import Parameters
@@ -218,7 +218,7 @@ def test_a_picture_that_cannot_be_drawn_loses_no_summary(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(vehicle_run, "Companion", Flown)
-    monkeypatch.setattr(flight_figures, "draw_flight", fail)
+    monkeypatch.setattr(figures, "draw_flight", fail)
     assert ended(*RUN, "--out", str(tmp_path / "maps"), "--json") == 0
     assert json.loads(capfd.readouterr().out) == {"landed": True}
     (record,) = caplog.records
@@ -228,7 +228,7 @@ def test_a_picture_that_cannot_be_drawn_loses_no_summary(
 
 def test_a_flight_without_maps_draws_nothing(tmp_path: Path) -> None:
     unmapped: Any = SimpleNamespace(maps=None, parameters=Parameters())
-    assert flight_figures.draw_flight(unmapped, tmp_path) == {}
+    assert figures.draw_flight(unmapped, tmp_path) == {}
 
 
 # ---- slz map -------------------------------------------------------------------------------------------

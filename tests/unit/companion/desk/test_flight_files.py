@@ -11,8 +11,7 @@ import pytest
 from companion.desk.clouds.cloud import GeoreferencedCloud
 from companion.desk.clouds.crs import from_option
 from companion.desk.demo import flight_files
-from companion.desk.demo.flight_files import FlownMap
-from companion.desk.demo.flown_timeline import Moment, Said, Timeline
+from companion.desk.demo.flight_files import FlownMap, Moment, Said, Timeline
 from companion.desk.survey.cloud_survey import survey
 from params import load
 from tests.unit.companion.desk.survey.clouds import field, placed

@@ -213,7 +213,7 @@ def test_an_unusable_file_is_refused_in_one_line_that_names_it(tmp_path: Path, k
 
 def test_more_points_than_memory_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write(tmp_path / "a.las", POINTS)
-    monkeypatch.setattr("companion.desk.clouds.memory_limit.total_bytes", lambda: 10_000)
+    monkeypatch.setattr("companion.desk.clouds.cloud_source.total_bytes", lambda: 10_000)
     assert "do not fit into memory" in refusal([path])
 
 

@@ -11,10 +11,9 @@ from typing import Any
 import laspy
 import pytest
 
-from companion.desk.clouds.cloud_format import cloud_format_of
+from companion.desk.clouds.cloud import cloud_format_of
 from companion.desk.clouds.cloud_source import translated
-from companion.desk.clouds.header_check import check_header
-from companion.desk.clouds.las import open_las
+from companion.desk.clouds.las import check_header, open_las
 from companion.runtime.errors import CompanionError, UsageError
 from tests.unit.companion.desk.survey.clouds import field, placed, write
 

@@ -10,8 +10,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from companion.desk.clouds.cloud import GeoreferencedCloud, open_source, read
-from companion.desk.clouds.cloud_format import cloud_format_of
+from companion.desk.clouds.cloud import GeoreferencedCloud, cloud_format_of, open_source, read
 from companion.desk.clouds.crs import from_option
 from companion.runtime.errors import UsageError
 from tests.unit.companion.desk.survey import packing
@@ -188,7 +187,7 @@ def test_what_cannot_be_used_is_one_line_that_names_it(
 def test_more_than_memory_holds_is_refused_before_it_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("companion.desk.clouds.memory_limit.total_bytes", lambda: 1000)
+    monkeypatch.setattr("companion.desk.clouds.cloud_source.total_bytes", lambda: 1000)
     for name in ("compressed.pcd", "little.ply", "plain.xyz"):
         assert "do not fit into memory" in _said(put(tmp_path, name, KINDS[name]))
 
@@ -252,7 +251,7 @@ def test_a_block_that_does_not_fit_into_memory_is_refused_before_it_is_unpacked(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source = open_source(put(tmp_path, "a.pcd", KINDS["compressed.pcd"]), from_option(CRS))
-    monkeypatch.setattr("companion.desk.clouds.memory_limit.total_bytes", lambda: 1000)
+    monkeypatch.setattr("companion.desk.clouds.cloud_source.total_bytes", lambda: 1000)
     with pytest.raises(
         UsageError, match=r"a\.pcd: its \d+ bytes do not fit into memory, 700 would: split it"
     ):

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.desk.evidence.junit_report import read_junit
+from companion.desk.evidence.artefact_file import read_junit
 from companion.runtime.errors import UsageError
 from tests.unit.companion.desk.evidence.results import NOW, OLD, case
 

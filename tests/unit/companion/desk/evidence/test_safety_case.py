@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.desk.evidence.binomial_bound import upper_bound
-from companion.desk.evidence.safety_case import SafetyCase, State, make_case
+from companion.desk.evidence.safety_case import SafetyCase, State, make_case, upper_bound
 from tests.unit.companion.desk.evidence.results import (
     NOW,
     OLD,

@@ -16,8 +16,7 @@ from companion.desk import figures
 from companion.desk.clouds.cloud import GeoreferencedCloud
 from companion.desk.clouds.crs import from_option
 from companion.desk.figures.layer_figures import CERTAIN, LESS_CERTAIN, UNCERTAIN, draw_numbers
-from companion.desk.figures.map_furniture import CHOSEN, Marks, draw_frame
-from companion.desk.figures.picture import Picture
+from companion.desk.figures.picture import CHOSEN, Marks, Picture, draw_frame
 from companion.desk.survey.cloud_survey import CloudSurvey, survey
 from params import load
 from slz import UNKNOWN, Box, TerrainMaps, Zone

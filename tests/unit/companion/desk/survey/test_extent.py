@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.desk.clouds import memory_limit
+from companion.desk.clouds import cloud_source
 from companion.desk.survey.point_density import coverage_for, density_per_m2
 from companion.desk.survey.stray_points import inlier_mask
 from companion.desk.survey.tiled.block_density import per_m2
@@ -77,11 +77,11 @@ def test_coverage_stays_within_its_limits() -> None:
 
 
 def test_a_grid_too_large_names_a_cell_that_would_do(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(memory_limit, "total_bytes", lambda: 8 * 2**30)
+    monkeypatch.setattr(cloud_source, "total_bytes", lambda: 8 * 2**30)
     with pytest.raises(UsageError, match="too many cells") as caught:
-        memory_limit.check_cells(20_000, 10_000, 0.5, 1000)
+        cloud_source.check_cells(20_000, 10_000, 0.5, 1000)
     fits = re.search(r"--cell-m (\S+) would do", str(caught.value))
     assert fits is not None
-    memory_limit.check_cells(20_000, 10_000, float(fits[1]), 1000)
+    cloud_source.check_cells(20_000, 10_000, float(fits[1]), 1000)
     with pytest.raises(UsageError):
-        memory_limit.check_cells(20_000, 10_000, float(fits[1]) * 0.95, 1000)
+        cloud_source.check_cells(20_000, 10_000, float(fits[1]) * 0.95, 1000)

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from companion.desk.calibrate.calibration_flight import corrected, mount_angles
+from companion.desk.calibrate.calibration import corrected, mount_angles
 from companion.flight.fusion.assembler import ScanAssembler
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.sensor_mount import Mount
