@@ -22,6 +22,8 @@ SCALE, CORNER = 33550, 33922  # ModelPixelScale, ModelTiepoint
 FORMAT = {3: "H", 4: "I", 12: "d"}  # TIFF's types SHORT, LONG and DOUBLE
 PLAIN, DEFLATE = 1, 8
 
+UNSAFE_GROUND = "touched unsafe ground"
+
 
 class TruthRaster(NamedTuple):
     """Cells (rows, columns), the northernmost row first; north-west corner and side of a cell."""
@@ -30,9 +32,6 @@ class TruthRaster(NamedTuple):
     west_m: float
     north_m: float
     cell_m: float
-
-
-UNSAFE_GROUND = "touched unsafe ground"
 
 
 @dataclass(frozen=True, slots=True)

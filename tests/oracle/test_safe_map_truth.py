@@ -17,10 +17,10 @@ import shapely
 from numpy.typing import NDArray
 from shapely import affinity
 
+from companion.desk.open_benchmark.benchmark_case import description
 from companion.desk.open_benchmark.footprint_truth import SceneTruth, scene_truth
 from companion.desk.open_benchmark.frozen_scenes import TASK, FrozenScene, frozen_scenes
 from companion.desk.open_benchmark.landing_task import CellGrid, LandingTask
-from companion.desk.open_benchmark.scene_manifest import description
 
 COARSE = LandingTask(CellGrid(-10.7, -10.7, 3.6, 6, 6))  # every 18th cell of the frozen grid
 OFFSET = (np.arange(81) - 40) / 40.0

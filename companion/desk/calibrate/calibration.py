@@ -26,6 +26,14 @@ from params import Parameters
 Floats = NDArray[np.float64]
 MOST_DELAY_MS = 100.0
 
+log = logging.getLogger(__name__)
+
+MOST_RETURNS = 600_000
+MOST_POSES = 400_000  # two hours at 50 Hz
+# Largest accepted standard error (degrees, ms): beyond it the flight does not determine the correction.
+BELIEVED = np.array([0.1, 0.1, 0.1, 2.0])
+ADVICE = "fly figures of eight over ground with slopes or houses, turning, at changing height and speed"
+
 
 class FlownReturns:
     """Returns of a flight with all its poses.
@@ -95,15 +103,6 @@ class FlownReturns:
             last = len(n_broken) - 1
             kept &= n_broken[np.clip(first, 0, last)] == n_broken[np.clip(after, 0, last)]
         return kept
-
-
-log = logging.getLogger(__name__)
-
-MOST_RETURNS = 600_000
-MOST_POSES = 400_000  # two hours at 50 Hz
-# Largest accepted standard error (degrees, ms): beyond it the flight does not determine the correction.
-BELIEVED = np.array([0.1, 0.1, 0.1, 2.0])
-ADVICE = "fly figures of eight over ground with slopes or houses, turning, at changing height and speed"
 
 
 def run(path: Path, settings: Iterable[str]) -> dict[str, Any]:

@@ -7,6 +7,28 @@ from pathlib import Path
 
 from companion.runtime.errors import UsageError
 
+DUSTY = ("dust_reach_m=9",)
+# A radar's heights are noisier than a LiDAR's, and it looks to the side: below 6 m it sees too little, and
+# the last verified state applies, as in dust.
+RADAR = ("range_noise_m=0.04", "height_noise_m=0.12", "relief_m=0.35", "commit_height_m=6", "dust_height_m=6")
+ALONG_THE_VEHICLE = (
+    *("lidar_x_m=0", "lidar_z_m=0.1", "lidar_pitch_deg=0", "lidar_min_m=1", "lidar_max_m=300"),
+    *("angle_noise_deg=0", "lidar_timeout_s=2"),
+)
+# The simulated attitude errs by 0.1 degrees: 0.1 m of height at 60 m, beyond which the ground is not mapped.
+LONG_RANGE = ("angle_noise_deg=0.1", "height_noise_m=0.105")
+HIGH_M = 40.0  # the range of a Mid-360 to dark ground
+
+SCENES = (
+    *("stadium", "plain", "hill", "streets", "mountains", "dense", "dust_out"),
+    *("lakes", "ponds", "river", "flooded_field", "car_park_dry", "car_park_wet", "flat_roofs", "maize"),
+    *("snowfield", "power_line", "swaying_trees", "corridor", "wall"),
+)
+TAKEOFF_M = {"dust_out": 40.0}
+"""Take-off height by scene, where it is not 30 m: above the dust."""
+INTRUDERS = ("car", "jib", "walker", "runner", "dog", "cyclist", "passing_car", "ball")
+INTRUDER_BELOW_M = 200.0
+
 
 @dataclass(frozen=True, slots=True)
 class DemoSensor:
@@ -24,16 +46,6 @@ class DemoSensor:
         return (*self.settings, *(DUSTY if dusty else ()))
 
 
-DUSTY = ("dust_reach_m=9",)
-# A radar's heights are noisier than a LiDAR's, and it looks to the side: below 6 m it sees too little, and
-# the last verified state applies, as in dust.
-RADAR = ("range_noise_m=0.04", "height_noise_m=0.12", "relief_m=0.35", "commit_height_m=6", "dust_height_m=6")
-ALONG_THE_VEHICLE = (
-    *("lidar_x_m=0", "lidar_z_m=0.1", "lidar_pitch_deg=0", "lidar_min_m=1", "lidar_max_m=300"),
-    *("angle_noise_deg=0", "lidar_timeout_s=2"),
-)
-# The simulated attitude errs by 0.1 degrees: 0.1 m of height at 60 m, beyond which the ground is not mapped.
-LONG_RANGE = ("angle_noise_deg=0.1", "height_noise_m=0.105")
 SENSORS = (
     DemoSensor("lidar", "mid360", "livox"),
     DemoSensor("opal", "opal", "livox", settings=(*LONG_RANGE, "lidar_pitch_deg=90", "lidar_z_m=0.05")),
@@ -41,17 +53,6 @@ SENSORS = (
     DemoSensor("radar", "radar", "radar", settings=(*RADAR, *ALONG_THE_VEHICLE)),
     DemoSensor("lidar+radar", "mid360", "livox", radar=True, settings=(*RADAR, "lidar_timeout_s=2")),
 )
-HIGH_M = 40.0  # the range of a Mid-360 to dark ground
-
-SCENES = (
-    *("stadium", "plain", "hill", "streets", "mountains", "dense", "dust_out"),
-    *("lakes", "ponds", "river", "flooded_field", "car_park_dry", "car_park_wet", "flat_roofs", "maize"),
-    *("snowfield", "power_line", "swaying_trees", "corridor", "wall"),
-)
-TAKEOFF_M = {"dust_out": 40.0}
-"""Take-off height by scene, where it is not 30 m: above the dust."""
-INTRUDERS = ("car", "jib", "walker", "runner", "dog", "cyclist", "passing_car", "ball")
-INTRUDER_BELOW_M = 200.0
 
 
 @dataclass(frozen=True, slots=True)

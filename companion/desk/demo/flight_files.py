@@ -16,6 +16,12 @@ from companion.runtime import extras
 from params import Parameters
 from slz import Report, TerrainMaps
 
+log = logging.getLogger(__name__)
+
+PAGE, GEOJSON, RECORDING = "flight.html", "flight.geojson", "flight.mcap"
+CHOSEN, TRUE, ESTIMATED = "chosen point", "touchdown, true", "touchdown, estimated"
+Place = tuple[float, float, float]  # latitude, longitude (degrees), altitude (m)
+
 
 @dataclass(frozen=True, slots=True)
 class Moment:
@@ -52,13 +58,6 @@ class Timeline:
             place = lat, lon, alt
         height_m = now.height_above_home_m if math.isfinite(now.height_above_home_m) else None
         self.moments.append(Moment(at_s, companion.executive.phase.value, height_m, place))
-
-
-log = logging.getLogger(__name__)
-
-PAGE, GEOJSON, RECORDING = "flight.html", "flight.geojson", "flight.mcap"
-CHOSEN, TRUE, ESTIMATED = "chosen point", "touchdown, true", "touchdown, estimated"
-Place = tuple[float, float, float]  # latitude, longitude (degrees), altitude (m)
 
 
 @dataclass(frozen=True, slots=True)

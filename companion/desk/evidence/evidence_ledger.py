@@ -16,6 +16,8 @@ UNITS = {"test": "tests", "campaign": "flights", "landings": "flights", "counts"
 Seeds = tuple[tuple[int, int], ...]
 """Ranges of seeds, each from its first to the one after its last."""
 
+Key = tuple[str, str, str]  # source, variant, environment
+
 
 @dataclass(frozen=True, slots=True)
 class Runs:
@@ -57,9 +59,6 @@ class Runs:
     def is_whole(self) -> bool:
         """Return whether these are whole runs, not a measure of them or those of them that met a hazard."""
         return self.source not in MEASURES and (self.source != "counts" or self.variant.endswith(":"))
-
-
-Key = tuple[str, str, str]  # source, variant, environment
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,10 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 PATH, CHOSEN, TAKE_OFF, TOUCHDOWN = "#2166ac", "#ffd92f", "#ffffff", "#e7298a"
 
+MOST_PIXELS = 2400  # on a side; larger maps are subsampled before drawing
+FILL_CELLS = 2  # gaps up to this distance from a return take its height, in pictures only
+FLAT = 0.7  # light on flat ground
+
 
 @dataclass(frozen=True, slots=True)
 class Marks:
@@ -31,10 +35,6 @@ class Marks:
 
 
 NO_MARKS = Marks()
-
-MOST_PIXELS = 2400  # on a side; larger maps are subsampled before drawing
-FILL_CELLS = 2  # gaps up to this distance from a return take its height, in pictures only
-FLAT = 0.7  # light on flat ground
 
 
 class Picture:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from companion.desk.open_benchmark import leaderboard
 from companion.desk.open_benchmark.benchmark_case import (
+    VERSION,
     BenchmarkCase,
     chosen_scenes,
     frozen_cases,
@@ -34,7 +35,6 @@ from companion.desk.open_benchmark.landing_task import (
 from companion.desk.open_benchmark.methods import METHODS, REFERENCE, method_of_file
 from companion.desk.open_benchmark.safe_map_files import read_safe_map
 from companion.desk.open_benchmark.safe_map_score import SafeMapCounts, score
-from companion.desk.open_benchmark.scene_manifest import VERSION
 from companion.runtime import output_folder
 from companion.runtime.errors import CompanionError, UsageError
 

@@ -1,4 +1,4 @@
-"""Methods of the benchmark, one file each; the order is that of their publication."""
+"""Methods of the benchmark, in the order of their publication."""
 
 from __future__ import annotations
 
@@ -7,29 +7,25 @@ from pathlib import Path
 from typing import Any
 
 from companion.desk.open_benchmark.landing_task import LandingMethod
-from companion.desk.open_benchmark.methods.alhat_deterministic import METHOD as ALHAT_DETERMINISTIC
-from companion.desk.open_benchmark.methods.alhat_probabilistic import METHOD as ALHAT_PROBABILISTIC
-from companion.desk.open_benchmark.methods.every_return import METHOD as EVERY_RETURN
-from companion.desk.open_benchmark.methods.gradient_threshold import METHOD as GRADIENT_THRESHOLD
-from companion.desk.open_benchmark.methods.plane_threshold import METHOD as PLANE_THRESHOLD
-from companion.desk.open_benchmark.methods.px4_avoidance import METHOD as PX4_AVOIDANCE
-from companion.desk.open_benchmark.methods.slz_paper import METHOD as SLZ_PAPER
-from companion.desk.open_benchmark.methods.slz_pipeline import METHOD as SLZ_PIPELINE
-from companion.desk.open_benchmark.methods.traversability import METHOD as TRAVERSABILITY
+from companion.desk.open_benchmark.methods.alhat import AlhatDeterministic, AlhatProbabilistic
+from companion.desk.open_benchmark.methods.px4_avoidance import Px4Avoidance
+from companion.desk.open_benchmark.methods.slz_methods import SlzPaper, SlzPipeline
+from companion.desk.open_benchmark.methods.threshold import EveryReturn, GradientThreshold, PlaneThreshold
+from companion.desk.open_benchmark.methods.traversability import Traversability
 from companion.runtime.errors import UsageError
 
 METHODS: tuple[LandingMethod, ...] = (
-    GRADIENT_THRESHOLD,
-    PLANE_THRESHOLD,
-    ALHAT_DETERMINISTIC,
-    ALHAT_PROBABILISTIC,
-    TRAVERSABILITY,
-    PX4_AVOIDANCE,
-    SLZ_PAPER,
-    SLZ_PIPELINE,
+    GradientThreshold(),
+    PlaneThreshold(),
+    AlhatDeterministic(),
+    AlhatProbabilistic(),
+    Traversability(),
+    Px4Avoidance(),
+    SlzPaper(),
+    SlzPipeline(),
 )
-REFERENCE: LandingMethod = EVERY_RETURN
-OURS = SLZ_PIPELINE.name
+REFERENCE: LandingMethod = EveryReturn()
+OURS = METHODS[-1].name
 
 
 def method_of_file(path: Path) -> LandingMethod:

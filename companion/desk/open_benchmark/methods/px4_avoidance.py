@@ -15,8 +15,12 @@ from companion.desk.open_benchmark.landing_task import (
     LandingTask,
     SafeMap,
 )
-from companion.desk.open_benchmark.methods.elevation_grid import around, cell_statistics, on_task_grid
-from companion.desk.open_benchmark.methods.outlier_removal import without_outliers
+from companion.desk.open_benchmark.methods.elevation_grid import (
+    around,
+    cell_statistics,
+    on_task_grid,
+    without_outliers,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +63,3 @@ class Px4Avoidance:
         unseen = np.where(n_landable > 0, UNSAFE, UNKNOWN)
         state = np.where(whole, SAFE, unseen).astype(np.uint8)
         return SafeMap(on_task_grid(state, grid, task))
-
-
-METHOD = Px4Avoidance()

@@ -15,8 +15,8 @@ from companion.desk.open_benchmark.methods.elevation_grid import (
     footprint_most,
     footprint_reach,
     footprint_state,
+    without_outliers,
 )
-from companion.desk.open_benchmark.methods.outlier_removal import without_outliers
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +95,3 @@ def _normals(height: F64, radius: float, cell_m: float) -> tuple[F64, F64]:
     length = np.sqrt(1 + gx**2 + gy**2)
     rough = np.sqrt((rest**2).sum(-1) / np.maximum(n[..., 0] - 1, 1)) / length
     return np.degrees(np.arctan(np.hypot(gx, gy))), rough
-
-
-METHOD = Traversability()

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from companion.cli import program
+from companion.desk.open_benchmark.benchmark_case import read_manifest
 from companion.desk.open_benchmark.benchmark_run import BenchmarkChoice
 from companion.desk.open_benchmark.exchange_folder import write_case
 from companion.desk.open_benchmark.leaderboard import better_than_ours, markdown
 from companion.desk.open_benchmark.methods import METHODS, OURS, REFERENCE
-from companion.desk.open_benchmark.scene_manifest import read_manifest
 from tests import REPOSITORY
 from tests.unit.companion.desk.open_benchmark.flights_over import case_of
 

@@ -7,10 +7,15 @@ from pathlib import Path
 import pytest
 import rasterio
 
-from companion.desk.open_benchmark.benchmark_case import chosen_scenes, frozen_cases
+from companion.desk.open_benchmark.benchmark_case import (
+    VERSION,
+    chosen_scenes,
+    description_digest,
+    frozen_cases,
+    read_manifest,
+)
 from companion.desk.open_benchmark.exchange_folder import read_case, write_case
 from companion.desk.open_benchmark.frozen_scenes import DENSITIES, frozen_scenes
-from companion.desk.open_benchmark.scene_manifest import VERSION, description_digest, read_manifest
 from companion.runtime.errors import CompanionError, UsageError
 
 COMPUTED = ("pole-0.1x1.5m", "stairs", "water", "yard")  # clutter, steps, no answer, all kinds with a wire
