@@ -16,7 +16,7 @@ from companion.desk.clouds.cloud import open_source
 from companion.desk.clouds.crs import from_option
 from companion.desk.replay.captures.pcap import Capture
 from companion.desk.replay.recording_reader import RecordingReader
-from companion.desk.replay.telemetry.telemetry_log import TelemetryLog
+from companion.desk.replay.telemetry_log import TelemetryLog
 from companion.flight.recorder import journal
 from companion.runtime.errors import UsageError
 from params import ParameterError

@@ -10,7 +10,7 @@ import numpy as np
 from companion.desk.replay.captures.captured_packets import snapped_packets
 from companion.desk.replay.foreign_replay import Feed, Rerun
 from companion.desk.replay.own_replay import ReplayOutcome
-from companion.desk.replay.time_of_day import fitting_offset, time_of_day
+from companion.desk.replay.recorder_clock import fitting_offset, time_of_day
 from params import Parameters
 from slz import SAFE, UNKNOWN, TerrainMaps
 

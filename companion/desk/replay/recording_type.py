@@ -11,15 +11,14 @@ import numpy as np
 
 import params
 from companion.desk.replay.captures.captured_packets import CapturedPackets
-from companion.desk.replay.clouds.cloud_folder import CloudFolder
-from companion.desk.replay.clouds.stored_cloud import StoredCloud
+from companion.desk.replay.cloud_folder import CloudFolder
 from companion.desk.replay.foreign_replay import Feed, Rerun
+from companion.desk.replay.recorder_clock import ContinuousTime
 from companion.desk.replay.ros.mcap_stream import is_bag
 from companion.desk.replay.ros.ros_feed import LEVEL_MOUNT, RosFeed
-from companion.desk.replay.telemetry.logged_vehicle import tells_fix, vehicle_of
-from companion.desk.replay.telemetry.recorder_clock import ContinuousTime
-from companion.desk.replay.telemetry.telemetry_feed import TelemetryFeed, clock_steps
-from companion.desk.replay.telemetry.telemetry_log import TelemetryLog
+from companion.desk.replay.stored_cloud import StoredCloud
+from companion.desk.replay.telemetry_feed import TelemetryFeed, clock_steps
+from companion.desk.replay.telemetry_log import TelemetryLog, tells_fix, vehicle_of
 from companion.runtime.errors import UsageError
 from params import Parameters
 from slz import LocalFrame

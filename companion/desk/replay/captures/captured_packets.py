@@ -11,7 +11,7 @@ from typing import Any
 
 from companion.desk.replay.captures.pcap import Capture, Datagram
 from companion.desk.replay.foreign_replay import Act, Rerun
-from companion.desk.replay.telemetry.recorder_clock import ClockStep, continuous_time
+from companion.desk.replay.recorder_clock import ClockStep, continuous_time
 from companion.flight.sensors.lidar_url import read_metadata
 from companion.flight.sensors.packet_identification import identify_packet, is_points
 from companion.flight.sensors.packet_stream import PacketStream

@@ -9,7 +9,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
-from companion.desk.replay.clouds.cloud_counts import CloudCounts
+from companion.desk.replay.cloud_folder import CloudCounts
 from companion.desk.replay.foreign_replay import Act, Rerun
 from companion.desk.replay.ros.bag_file import CLOUDS, BagFile
 from companion.desk.replay.ros.ros_pose import GlobalPoses, LocalPoses

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.desk.replay.time_of_day import time_of_day
+from companion.desk.replay.recorder_clock import time_of_day
 from companion.runtime.errors import UsageError
 
 Times = NDArray[np.int64]

@@ -16,11 +16,11 @@ from pyproj import CRS
 from scipy.spatial.transform import Rotation
 
 from companion.desk.replay import replay_run
-from companion.desk.replay.clouds.stored_cloud import StoredCloud
 from companion.desk.replay.foreign_replay import Rerun
 from companion.desk.replay.recording_type import RecordingOptions, open_recording, recording_type_of
 from companion.desk.replay.ros.ros_pose import ned_from_frd
-from companion.desk.replay.telemetry.telemetry_log import TelemetryLog
+from companion.desk.replay.stored_cloud import StoredCloud
+from companion.desk.replay.telemetry_log import TelemetryLog
 from companion.flight.link.command_server import CommandServer
 from companion.runtime.errors import UsageError
 from slz import Scan, join

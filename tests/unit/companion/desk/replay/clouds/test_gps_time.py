@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from companion.desk.replay.clouds.gps_time import first_by_header, resolve_times
+from companion.desk.replay.gps_time import first_by_header, resolve_times
 
 BEGIN_NS = 1_750_000_000_000_000_000
 EPOCH_S, LEAP_S, WEEK_S = 315_964_800, 18, 604_800

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.desk.replay.clouds.scan_names import stamps_of
+from companion.desk.replay.cloud_folder import stamps_of
 from companion.runtime.errors import UsageError
 
 BEGIN_S = 1_750_000_000

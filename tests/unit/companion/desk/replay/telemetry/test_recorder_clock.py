@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from companion.desk.replay.telemetry.recorder_clock import ClockStep, RecorderClock, continuous_time
+from companion.desk.replay.recorder_clock import ClockStep, RecorderClock, continuous_time
 from tests.unit.companion.flight.link.messages import attitude, heartbeat
 
 MS, S = 1_000_000, 1_000_000_000

@@ -15,8 +15,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.desk.replay.foreign_replay import Act, Rerun
 from companion.desk.replay.recorded_sensors import ORDERS
-from companion.desk.replay.telemetry.recorder_clock import ClockStep, ContinuousTime, RecorderClock
-from companion.desk.replay.telemetry.telemetry_log import Logged, TelemetryLog
+from companion.desk.replay.recorder_clock import ClockStep, ContinuousTime, RecorderClock
+from companion.desk.replay.telemetry_log import Logged, TelemetryLog
 from companion.flight.link.command_server import CommandServer
 from companion.flight.link.inbox import Inbox
 from companion.flight.link.position_fix import PositionGate

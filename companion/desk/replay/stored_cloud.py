@@ -14,10 +14,9 @@ from pyproj import Transformer
 from companion.desk.clouds.cloud import GeoreferencedCloud, read
 from companion.desk.clouds.cloud_source import Clock
 from companion.desk.clouds.las import open_las
-from companion.desk.replay.clouds.gps_time import NAMES, first_by_header, resolve_times, span_by_header
 from companion.desk.replay.foreign_replay import Act, Rerun
-from companion.desk.replay.telemetry.recorder_clock import ClockStep
-from companion.desk.replay.time_of_day import fitting_offset, time_of_day
+from companion.desk.replay.gps_time import NAMES, first_by_header, resolve_times, span_by_header
+from companion.desk.replay.recorder_clock import ClockStep, fitting_offset, time_of_day
 from companion.desk.survey.coordinate_steps import check_steps
 from companion.runtime.errors import UsageError
 from slz import Scan

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.desk.clouds.cloud_source import Clock
-from companion.desk.replay.time_of_day import time_of_day
+from companion.desk.replay.recorder_clock import time_of_day
 
 GPS_EPOCH_S = 315_964_800  # 1980-01-06 since 1970
 # Leap seconds: GPS time minus UTC from a time of day on (s since 1970; IERS Bulletin C).
