@@ -11,23 +11,23 @@ from companion.desk.reproduce import (
     instrument_data,
     landing_points,
     near_far,
+    odometry_section,
     reliability,
     reproduction_page,
     square_filter,
+    surface_section,
     window_timing,
     zone_identities,
 )
 from companion.desk.reproduce.inclined_planes import slope_errors
 from companion.desk.reproduce.near_far import CLIMBS
-from companion.desk.reproduce.odometry import odometry_section
-from companion.desk.reproduce.odometry.drifting_survey import SURVEYS as DRIFTING
+from companion.desk.reproduce.odometry_section import SURVEYS as DRIFTING
 from companion.desk.reproduce.places import PLACES
 from companion.desk.reproduce.reproduction_page import Section
 from companion.desk.reproduce.scenarios import BY_SCENE, ENTRANCE, SCENARIOS
 from companion.desk.reproduce.source_scenes import CASES, Case, CaseOutcome
 from companion.desk.reproduce.source_scenes import run as run_case
-from companion.desk.reproduce.surface import surface_section
-from companion.desk.reproduce.surface.surface_surveys import SURFACES
+from companion.desk.reproduce.surface_surveys import SURFACES
 from companion.runtime import output_folder
 from companion.runtime.errors import UsageError
 

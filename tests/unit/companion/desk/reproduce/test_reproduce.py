@@ -30,11 +30,10 @@ from companion.desk.reproduce import (
     zone_identities,
 )
 from companion.desk.reproduce.inclined_planes import SlopeError, slope_errors
-from companion.desk.reproduce.places import Place
+from companion.desk.reproduce.places import Place, TrueSurroundings
 from companion.desk.reproduce.scenarios import BY_SCENE, MODES, Scenario
 from companion.desk.reproduce.source_scenes import run as run_case
 from companion.desk.reproduce.survey_recording import FRAME, SurveyFlight, SurveyRecording, fly
-from companion.desk.reproduce.true_obstacles import TrueSurroundings
 from companion.desk.reproduce.truth_comparison import compare
 from companion.runtime.errors import CompanionError, UsageError
 from slz import Box, Grid, Obstacle, Pipeline, PointState, Surroundings, TerrainMaps, zone_mask

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.desk.reproduce.odometry import drifting_survey, odometry_section
-from companion.desk.reproduce.odometry.drifting_survey import SURVEYS, DriftingSurvey, DriftOutcome, run
+from companion.desk.reproduce import odometry_section
+from companion.desk.reproduce.odometry_section import SURVEYS, DriftingSurvey, DriftOutcome, run
 from companion.desk.reproduce.survey_recording import SurveyFlight, SurveyRecording
 
 PLAIN = DriftingSurvey("plain", "severe")
@@ -44,8 +44,8 @@ def level_ground(_flight: SurveyFlight, _folder: Path) -> SurveyRecording:
 
 @pytest.fixture
 def outcome(monkeypatch: pytest.MonkeyPatch) -> DriftOutcome:
-    monkeypatch.setattr(drifting_survey, "fly", level_ground)
-    monkeypatch.setitem(drifting_survey.SEVERITIES, "severe", (0.03, 0.1))  # enough to see in eight seconds
+    monkeypatch.setattr(odometry_section, "fly", level_ground)
+    monkeypatch.setitem(odometry_section.SEVERITIES, "severe", (0.03, 0.1))  # enough to see in eight seconds
     return run(PLAIN, Path())
 
 
@@ -80,4 +80,4 @@ def test_the_section_tells_errors_consistency_and_time(
 
 def test_each_survey_is_one_of_the_scenes_of_the_sources() -> None:
     assert len({survey.name for survey in SURVEYS}) == len(SURVEYS) >= 7
-    assert {survey.scene for survey in SURVEYS} <= {c.survey.scene for c in drifting_survey.CASES}
+    assert {survey.scene for survey in SURVEYS} <= {c.survey.scene for c in odometry_section.CASES}

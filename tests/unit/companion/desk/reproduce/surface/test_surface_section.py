@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from companion.desk import reproduce
-from companion.desk.reproduce import run
+from companion.desk.reproduce import run, surface_section
 from companion.desk.reproduce.reproduction_page import Section
-from companion.desk.reproduce.surface import surface_section
-from companion.desk.reproduce.surface.surface_section import KindCount, section
-from companion.desk.reproduce.surface.surface_surveys import OBJECT, ClassifiedSurface, SurfaceSurvey
+from companion.desk.reproduce.surface_section import KindCount, section
+from companion.desk.reproduce.surface_surveys import OBJECT, ClassifiedSurface, SurfaceSurvey
 from slz import SurfaceKind
 
 UNKNOWN, BARE, WATER, ROOF, PLANTS, _ = SurfaceKind

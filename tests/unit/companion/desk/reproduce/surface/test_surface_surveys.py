@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from companion.desk.reproduce.surface import surface_surveys
-from companion.desk.reproduce.surface.surface_surveys import (
+from companion.desk.reproduce import surface_surveys
+from companion.desk.reproduce.surface_surveys import (
     OBJECT,
     SURFACES,
     ClassifiedSurface,

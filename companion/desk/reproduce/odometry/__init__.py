@@ -1,1 +1,0 @@
-"""LiDAR odometry under drift, against the true pose."""

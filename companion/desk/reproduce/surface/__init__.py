@@ -1,1 +1,0 @@
-"""Comparison of classified ground with the truth."""
