@@ -11,7 +11,7 @@ import rasterio
 
 import params
 from companion.desk import survey
-from companion.desk.survey.tiled.outcome import of_tiles, whole_maps
+from companion.desk.survey.tiled.tiled_survey import of_tiles, whole_maps
 from companion.flight.dashboard.tile_pyramid import TilePyramids
 from slz import Pipeline, TerrainMaps
 from slz.terrain.layers import LAYERS, Layer, Output

@@ -16,7 +16,7 @@ from pyproj import CRS
 from rasterio.enums import ColorInterp
 
 from companion.desk import survey
-from companion.desk.survey.files.kml import NAMESPACE
+from companion.desk.survey.kml import NAMESPACE
 from params import load
 from tests.unit.companion.desk.survey import packing
 from tests.unit.companion.desk.survey.clouds import field, placed, write

@@ -24,7 +24,7 @@ from shapely.geometry import shape
 
 from companion.cli import program
 from companion.desk import survey
-from companion.desk.survey.files.flatgeobuf import write_flatgeobuf, zones_within
+from companion.desk.survey.flatgeobuf import write_flatgeobuf, zones_within
 from companion.desk.survey.nearest_zones import nearest
 from companion.runtime.errors import UsageError
 from tests.e2e.chromium import Chromium
@@ -194,7 +194,7 @@ def test_outlines_of_too_many_corners_are_thinned_on_the_page_and_stay_in_place(
     survey.run([path], tmp_path / "all", parameters(), lambda *_: None)
     every = survey_of(tmp_path / "all" / "map.html")["zones"]
     corners = sum(len(ring) // 2 for zone in every for ring in zone["rings"])
-    monkeypatch.setattr("companion.desk.survey.files.survey_page.MOST_CORNERS", corners // 4)
+    monkeypatch.setattr("companion.desk.survey.survey_page.MOST_CORNERS", corners // 4)
     survey.run([path], tmp_path / "few", parameters(), lambda *_: None)
     few = survey_of(tmp_path / "few" / "map.html")["zones"]
     assert sum(len(ring) // 2 for zone in few for ring in zone["rings"]) < corners / 2

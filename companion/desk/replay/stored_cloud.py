@@ -17,7 +17,7 @@ from companion.desk.clouds.las import open_las
 from companion.desk.replay.foreign_replay import Act, Rerun
 from companion.desk.replay.gps_time import NAMES, first_by_header, resolve_times, span_by_header
 from companion.desk.replay.recorder_clock import ClockStep, fitting_offset, time_of_day
-from companion.desk.survey.coordinate_steps import check_steps
+from companion.desk.survey.cloud_quality import check_steps
 from companion.runtime.errors import UsageError
 from slz import Scan
 

@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 
 from companion.desk.clouds import cloud_source
 from companion.desk.clouds.cloud import GeoreferencedCloud
-from companion.desk.survey.coordinate_steps import check_steps
+from companion.desk.survey.cloud_quality import check_steps, coverage_for, density_per_m2, inlier_mask
 from companion.desk.survey.local_metres import Metric, metric_for
-from companion.desk.survey.point_density import coverage_for, density_per_m2
-from companion.desk.survey.stray_points import inlier_mask
 from companion.runtime.errors import UsageError
 from params import Parameters
 from slz import Pipeline, Report, TerrainMaps, Window

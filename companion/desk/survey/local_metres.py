@@ -7,11 +7,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 from pyproj import Geod, Transformer
 from pyproj.exceptions import ProjError
+from shapely.geometry import MultiPolygon, Polygon
 
 from companion.desk.clouds.crs import Reference
+from companion.flight.outputs.zone_outline import DEGREE_DECIMALS
 from companion.runtime.errors import UsageError
 from slz import LocalFrame
 
@@ -159,3 +162,39 @@ def _length(transformer: Transformer, geod: Geod, x: float, y: float, dx: float,
     if not np.isfinite([lon, lat]).all() or max(abs(v) for v in lat) > 90:
         return math.nan
     return float(geod.inv(lon[0], lat[0], lon[1], lat[1])[2]) / (2 * (dx + dy))
+
+
+def wgs84(polygons: MultiPolygon, metric: Metric) -> MultiPolygon:
+    """Return the polygons in longitude and latitude, outer rings anticlockwise (RFC 7946, section 3.1.6).
+
+    Polygons that cross the date line are cut along it (3.1.9); polygons around a pole are unchanged.
+    """
+
+    def to_degrees(local_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        return metric.lonlat(local_m).round(DEGREE_DECIMALS)
+
+    turned = shapely.transform(polygons, to_degrees)
+    parts = [part for whole in turned.geoms for part in _cut(whole)]
+    return MultiPolygon([shapely.geometry.polygon.orient(part, 1.0) for part in parts])
+
+
+def _cut(polygon: Polygon) -> list[Polygon]:
+    """Return a polygon in degrees, or its parts on either side of the date line if it crosses the line."""
+    lon = shapely.get_coordinates(polygon.exterior)[:, 0]
+    if float(np.ptp(lon)) <= 180:
+        return [polygon]
+    east = shapely.transform(polygon, lambda xy: np.column_stack([xy[:, 0] % 360, xy[:, 1]]))
+    if not east.is_valid:
+        return [polygon]
+    halves = (
+        shapely.intersection(east, shapely.box(0, -90, 180, 90)),
+        shapely.transform(
+            shapely.intersection(east, shapely.box(180, -90, 360, 90)), lambda xy: xy - (360, 0)
+        ),
+    )
+    return [
+        part
+        for half in halves
+        for part in getattr(half, "geoms", [half])
+        if isinstance(part, Polygon) and part.area
+    ]

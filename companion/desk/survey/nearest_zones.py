@@ -10,7 +10,7 @@ from typing import Any
 import shapely
 from pyproj import Geod
 
-from companion.desk.survey.files.flatgeobuf import zones_within
+from companion.desk.survey.flatgeobuf import zones_within
 from companion.runtime.errors import UsageError
 
 FIRST_M, FARTHEST_M = 500.0, 2_000_000.0

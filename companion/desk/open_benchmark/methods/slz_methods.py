@@ -25,7 +25,7 @@ from companion.desk.open_benchmark.methods.elevation_grid import (
     footprint_state,
     on_task_grid,
 )
-from companion.desk.survey.point_density import coverage_for, density_per_m2
+from companion.desk.survey.cloud_quality import coverage_for, density_per_m2
 from params import Parameters
 from slz import LocalFrame, Pipeline, TerrainMaps, Window
 

@@ -12,32 +12,32 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from companion.desk.clouds.cloud import Skipped, open_clouds
 from companion.desk.clouds.cloud_source import Source
-from companion.desk.survey.coordinate_steps import check_steps
-from companion.desk.survey.files import geotiff
-from companion.desk.survey.findings import MapFiles, numbered_by_rank
-from companion.desk.survey.local_metres import Metric
+from companion.desk.survey import geotiff
+from companion.desk.survey.cloud_quality import check_steps, coverage_for
+from companion.desk.survey.findings import Findings, MapFiles, numbered_by_rank
+from companion.desk.survey.local_metres import Metric, wgs84
 from companion.desk.survey.overview import ground_png, water_mask
-from companion.desk.survey.point_density import coverage_for
 from companion.desk.survey.tiled import array_file, plan
-from companion.desk.survey.tiled.block_density import per_m2, tally
-from companion.desk.survey.tiled.census import Census, count_points
-from companion.desk.survey.tiled.crs_scale import first_guess, metric_of
+from companion.desk.survey.tiled.cell_sums import per_m2, tally
+from companion.desk.survey.tiled.census import Census, count_points, first_guess, metric_of
 from companion.desk.survey.tiled.derive_tiles import Ground, draw_tile
 from companion.desk.survey.tiled.lattice import UNIT_M, Lattice
-from companion.desk.survey.tiled.progress import Progress
 from companion.desk.survey.tiled.sort_points import Piece, sort_piece
 from companion.desk.survey.tiled.surface_parts import tell_part
-from companion.desk.survey.tiled.task_engine import Engine
+from companion.desk.survey.tiled.task_engine import Engine, Progress
 from companion.desk.survey.tiled.tile_labels import join_components, label_tile
 from companion.desk.survey.tiled.tile_store import Store, TileLayout
 from companion.desk.survey.tiled.tiled_zones import batches, describe_zones
 from companion.desk.survey.tiled.zone_file import DescribedZone, load
 from companion.runtime.errors import UsageError
 from params import Parameters
-from slz import Box
+from slz import Box, TerrainMaps
 from slz.terrain.derive import reach_of
+from slz.terrain.layers import Output, reaching
 from slz.zones.detection import side_in_cells
 from slz.zones.ranking import rank
 
@@ -333,3 +333,54 @@ def _empty(pieces: Sequence[Piece]) -> dict[Path, str]:
 def _reasons(dropped: Counter[str]) -> str:
     counts = ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in dropped.items() if count)
     return f" ({counts})" if counts else ""
+
+
+def of_tiles(surveyed: Surveyed) -> Findings:
+    """Return the findings: zones, and maps read from their tiles."""
+    found = surveyed.found
+    rows, cols = surveyed.layout.whole.shape
+    return Findings(
+        metric=surveyed.metric,
+        parameters=surveyed.parameters,
+        maps=Store(surveyed.layout),
+        drawings=surveyed.drawings,
+        zones=[one.zone for one in found],
+        shapes=[wgs84(one.polygon_m, surveyed.metric) for one in found],
+        outlines_m=[one.polygon_m for one in found],
+        square_centres_m=[one.square_centre_m for one in found],
+        ways=[one.ways for one in found],
+        n_obstacles=[one.n_obstacles for one in found],
+        cells={
+            "rows": rows,
+            "cols": cols,
+            "safe": surveyed.n_safe,
+            "unsafe": surveyed.n_unsafe,
+            "unknown": rows * cols - surveyed.n_safe - surveyed.n_unsafe,
+        },
+        n_read=surveyed.n_read,
+        n_used=surveyed.n_used,
+        dropped=surveyed.dropped,
+        density_per_m2=surveyed.density_per_m2,
+        coordinate_spacing=surveyed.coordinate_spacing,
+        skipped=[one.document() for one in surveyed.skipped],
+        n_cut=sum(one.cut for one in found),
+        stage_ms=surveyed.stage_ms,
+    )
+
+
+def whole_maps(findings: Findings) -> TerrainMaps:
+    """Return all maps in memory, for pictures; layers that surveys do not keep are NaN."""
+    maps, grid = findings.maps, findings.maps.grid
+    box = grid.everything
+    nothing = np.full(box.shape, np.nan, np.float32)
+    layers = {
+        layer.name: maps.read(layer.name, box) if Output.SURVEY in layer.outputs else nothing
+        for layer in reaching(Output.MAPS)
+    }
+    return TerrainMaps(
+        frame=findings.metric.frame,
+        grid=grid,
+        box=box,
+        layers=layers,
+        state=maps.read("state", box),
+    )

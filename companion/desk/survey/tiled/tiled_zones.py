@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from companion.desk.survey.largest_square import centre_of
+from companion.desk.survey.findings import centre_of
 from companion.desk.survey.survey_corridors import survey_corridors
 from companion.desk.survey.tiled.tile_labels import CandidateZone, Members
 from companion.desk.survey.tiled.tile_store import Store, TileLayout

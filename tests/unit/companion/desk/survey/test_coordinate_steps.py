@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
-from companion.desk.survey.coordinate_steps import check_steps
+from companion.desk.survey.cloud_quality import check_steps
 from companion.desk.survey.map_run import run
 from companion.runtime.errors import UsageError
 from params import Parameters

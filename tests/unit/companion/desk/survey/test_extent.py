@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.desk.clouds import cloud_source
-from companion.desk.survey.point_density import coverage_for, density_per_m2
-from companion.desk.survey.stray_points import inlier_mask
-from companion.desk.survey.tiled.block_density import per_m2
+from companion.desk.survey.cloud_quality import coverage_for, density_per_m2, inlier_mask
+from companion.desk.survey.tiled.cell_sums import per_m2
 from companion.runtime.errors import UsageError
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pyproj import Geod
 
 from companion.desk import survey
-from companion.desk.survey.files.flatgeobuf import zones_within
+from companion.desk.survey.flatgeobuf import zones_within
 from companion.desk.survey.map_run import MapOptions
 from companion.desk.survey.survey_corridors import check_reach
 from companion.runtime.errors import UsageError

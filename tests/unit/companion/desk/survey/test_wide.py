@@ -15,8 +15,7 @@ import rasterio
 from numpy.typing import NDArray
 
 from companion.desk.clouds.crs import from_option
-from companion.desk.survey import overview
-from companion.desk.survey.files import geotiff
+from companion.desk.survey import geotiff, overview
 from companion.desk.survey.local_metres import Metric, metric_for
 from params import Parameters
 from slz import UNKNOWN, Box, Grid

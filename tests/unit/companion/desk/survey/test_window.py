@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from companion.desk import survey as command
 from companion.desk.clouds.cloud import GeoreferencedCloud
 from companion.desk.clouds.crs import from_option
+from companion.desk.survey.classified_points import UNKNOWN_CLASS, classes
 from companion.desk.survey.cloud_survey import survey
-from companion.desk.survey.files.classified_points import UNKNOWN_CLASS, classes
 from companion.desk.survey.findings import of_window
 from companion.runtime.errors import UsageError
 from params import Parameters, load

@@ -18,8 +18,7 @@ from companion.cli import program
 from companion.desk import survey
 from companion.desk.clouds.cloud_source import translated
 from companion.desk.clouds.las import Columns, LasSource
-from companion.desk.survey.tiled.progress import Progress
-from companion.desk.survey.tiled.task_engine import Distributed, engine
+from companion.desk.survey.tiled.task_engine import Distributed, Progress, engine
 from companion.runtime.errors import CompanionError, UsageError
 from tests.unit.companion.desk.survey import packing
 from tests.unit.companion.desk.survey.clouds import field, placed, write

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import csv
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from companion.desk.survey.files import geotiff
-from companion.desk.survey.files.classified_points import write_classified
-from companion.desk.survey.files.flatgeobuf import write_flatgeobuf
-from companion.desk.survey.files.kml import write_kml
-from companion.desk.survey.files.survey_page import write_page
-from companion.desk.survey.files.zone_csv import write_csv, write_survey
+from companion.desk.survey import geotiff
+from companion.desk.survey.classified_points import write_classified
 from companion.desk.survey.findings import Findings
+from companion.desk.survey.flatgeobuf import fields_of, write_flatgeobuf
+from companion.desk.survey.kml import write_kml
+from companion.desk.survey.survey_page import write_page
 from companion.desk.survey.zone_table import flat, write_geojson
 
 
@@ -43,3 +44,27 @@ def zones(
 def points(folder: Path, files: Sequence[Path], found: Findings) -> list[Path]:
     """Write the points with their classes, and return the paths."""
     return write_classified(folder, files, found.maps, found.metric)
+
+
+def write_csv(path: Path, described: Sequence[dict[str, Any]]) -> None:
+    """Write the zones, the best first; unknown values are empty."""
+    with path.open("w", encoding="utf-8", newline="") as file:
+        table = csv.DictWriter(file, fields_of(described), extrasaction="ignore")
+        table.writeheader()
+        table.writerows(described)
+
+
+def write_survey(path: Path, files: Sequence[Path], found: Findings) -> None:
+    """Write survey.json: the files, parameters, heights and counts that readers of the maps need."""
+    reference = found.metric.reference
+    document = {
+        "files": [str(path) for path in files],
+        "skipped": list(found.skipped),
+        "crs": reference.crs.to_wkt(),
+        "vertical_unit_m": reference.vertical_m,
+        "cells": {"cell_m": found.parameters.cell_m, **found.cells},
+        "points": {"read": found.n_read, "used": found.n_used, "dropped": found.dropped},
+        "density_per_m2": found.density_per_m2,
+        "parameters": found.parameters.model_dump(),
+    }
+    path.write_text(json.dumps(document, indent=1), "utf-8")

@@ -15,10 +15,10 @@ from shapely.geometry import MultiPolygon
 from companion.desk.figures.layer_figures import CERTAIN, LESS_CERTAIN, UNCERTAIN
 from companion.desk.survey.findings import Findings, Maps
 from companion.desk.survey.local_metres import Metric
-from companion.desk.survey.no_zone import reason
 from companion.desk.survey.overview import ground_png, legend, step_of, water_mask
+from companion.desk.survey.survey_summary import reason
 
-TEMPLATE = Path(__file__).with_name("page.html")
+TEMPLATE = Path(__file__).with_name("survey_page.html")
 MOST_ZONES = 3000  # only the best are drawn; the files hold all
 MOST_CORNERS = 400_000  # of all outlines together
 TOLERANCE_M = 0.5
