@@ -29,16 +29,16 @@ def zones(
     folder: Path, files: Sequence[Path], found: Findings, described: Sequence[dict[str, Any]]
 ) -> list[Path]:
     """Write the zones in all formats, a table of them and the page, and return the paths."""
-    geojson, kml, fgb, csv = (folder / f"zones.{suffix}" for suffix in ("geojson", "kml", "fgb", "csv"))
+    geojson, kml, fgb, table = (folder / f"zones.{suffix}" for suffix in ("geojson", "kml", "fgb", "csv"))
     write_geojson(geojson, found.shapes, described, found.metric.reference.heights)
     rows = flat(described)
     write_kml(kml, found.shapes, rows)
     write_flatgeobuf(fgb, found.shapes, rows)
-    write_csv(csv, rows)
+    write_csv(table, rows)
     page, survey = folder / "map.html", folder / "survey.json"
     write_page(page, found, rows)
     write_survey(survey, files, found)
-    return [geojson, kml, fgb, csv, page, survey]
+    return [geojson, kml, fgb, table, page, survey]
 
 
 def points(folder: Path, files: Sequence[Path], found: Findings) -> list[Path]:
