@@ -21,7 +21,6 @@ from companion.desk.demo.demo_options import (
     sensor_named,
     usual_sensor,
 )
-from companion.desk.demo.demo_summary import table
 from companion.runtime import extras, kernel_compilation
 
 DEMO_PAGE = "127.0.0.1:0"  # any free port
@@ -84,7 +83,7 @@ def demo(
     if prior is not None:
         extras.require("survey", "--prior")
     set_up_logging(verbose, {})
-    from companion.desk.demo import demonstration
+    from companion.desk.demo import demonstration, flight_files
 
     high_m = params.check_airworthy(params.load(profile, setting)).survey_height_m
     chosen = sensor_named(sensor or usual_sensor(high_m))
@@ -99,7 +98,7 @@ def demo(
     if as_json:
         print(json.dumps(summary))
     else:
-        stdout_console().print(table(summary))
+        stdout_console().print(flight_files.table(summary))
     if not (summary["landed"] and summary["touchdown_safe"]):
         sys.exit(1)
 

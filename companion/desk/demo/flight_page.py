@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 from shapely.geometry import Polygon
 
-from companion.desk.demo.demo_summary import facts, verdict
-from companion.desk.demo.flight_files import FlownMap, Place
+from companion.desk.demo.flight_files import FlownMap, Place, facts, verdict
 from companion.desk.figures.layer_figures import certainty_colour
 from companion.desk.survey.findings import MapsInMemory
 from companion.desk.survey.overview import ground_png, step_of

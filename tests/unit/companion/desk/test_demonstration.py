@@ -12,8 +12,8 @@ from rich.console import Console
 import params
 from companion.cli.demo import demo
 from companion.desk.demo.demo_options import SCENES
-from companion.desk.demo.demo_summary import table
 from companion.desk.demo.demonstration import gear_options
+from companion.desk.demo.flight_files import table
 from sitl.scenes import NAMES
 
 SAFE = {
