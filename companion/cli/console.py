@@ -127,6 +127,6 @@ def zone_table(
 
 
 def _surface(zone: dict[str, Any]) -> str:
-    """Return what a zone's landing point lies on, a roof with its height."""
+    """Return the surface below a zone's landing point, a roof with its height."""
     word, raised_m = zone.get("surface") or "unknown", zone.get("raised_m")
     return f"{word}, {raised_m:.0f} m up" if raised_m else str(word)

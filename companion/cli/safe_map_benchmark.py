@@ -78,8 +78,8 @@ def benchmark(
     if score is not None:
         _refuse("--score", {"--out": out, **of_export, **own, **chosen})
         if len(scene) != 1:
-            told = "one --scene NAME" if scene else "--scene NAME"
-            raise UsageError(f"--score FILE goes with {told}: slz benchmark --list names the scenes")
+            needed = "one --scene NAME" if scene else "--scene NAME"
+            raise UsageError(f"--score FILE goes with {needed}: slz benchmark --list names the scenes")
         _show_score(benchmark_run.score_file(score, scene[0], choice, safe_from), as_json)
         return
     if scene:

@@ -107,11 +107,11 @@ def run(case: Case) -> dict[str, Any]:
 
 def _cells(tallies: list[Tally | None]) -> dict[str, dict[str, int]]:
     """Return the medians of the cells hit, derived and changed a window; nothing in source mode."""
-    told = [tally for tally in tallies if tally is not None]
-    if not told:
+    counted = [tally for tally in tallies if tally is not None]
+    if not counted:
         return {}
     names = [field.name for field in fields(Tally)]
-    return {"cells": {name: int(np.median([getattr(tally, name) for tally in told])) for name in names}}
+    return {"cells": {name: int(np.median([getattr(tally, name) for tally in counted])) for name in names}}
 
 
 def _records(path: Path) -> NDArray[np.float64]:

@@ -174,11 +174,11 @@ def _have_compiled(
     try:
         with subprocess.Popen(command, stdin=PIPE, stdout=PIPE, stderr=DEVNULL, text=True, cwd=ROOT) as child:
             children.append(child)
-            asked, told = cast(IO[str], child.stdin), cast(IO[str], child.stdout)
+            questions, answers = cast(IO[str], child.stdin), cast(IO[str], child.stdout)
             while True:
-                asked.write(waiting.get_nowait() + "\n")
-                asked.flush()
-                if not told.readline():
+                questions.write(waiting.get_nowait() + "\n")
+                questions.flush()
+                if not answers.readline():
                     return
                 done()
     except (queue.Empty, OSError) as error:

@@ -64,19 +64,19 @@ class LockstepLoop(asyncio.SelectorEventLoop):
     ) -> asyncio.Future[Result]:
         future, begun_s = super().run_in_executor(executor, func, *args), time.perf_counter()
         self._computing += 1
-        told: asyncio.Future[Result] = self.create_future()
+        simulated: asyncio.Future[Result] = self.create_future()
 
         def on_done(_: object) -> None:
             self._computing -= 1
             took_s = self._computing_s(time.perf_counter() - begun_s)
             if took_s > 0:
-                self.call_later(took_s, _tell, future, told)
+                self.call_later(took_s, _complete, future, simulated)
             else:
-                _tell(future, told)
+                _complete(future, simulated)
 
         future.add_done_callback(on_done)
-        told.add_done_callback(lambda _: future.cancel())
-        return told
+        simulated.add_done_callback(lambda _: future.cancel())
+        return simulated
 
     def _on_idle(self) -> bool:
         """Advance the simulator; return whether time advanced, which it does not during a computation."""
@@ -95,17 +95,17 @@ class LockstepLoop(asyncio.SelectorEventLoop):
         return self._simulated_ns + ALONE_STEP_NS
 
 
-def _tell(future: asyncio.Future[Result], told: asyncio.Future[Result]) -> None:
-    """Complete a future like another one that is done."""
-    if told.cancelled():
+def _complete(future: asyncio.Future[Result], simulated: asyncio.Future[Result]) -> None:
+    """Give a future on simulated time the outcome of one that is done."""
+    if simulated.cancelled():
         if not future.cancelled():
             future.exception()  # nobody asks for it
     elif future.cancelled():
-        told.cancel()
+        simulated.cancel()
     elif (error := future.exception()) is not None:
-        told.set_exception(error)
+        simulated.set_exception(error)
     else:
-        told.set_result(future.result())
+        simulated.set_result(future.result())
 
 
 class _IdleSelector(selectors.DefaultSelector):

@@ -101,5 +101,5 @@ def datum_of(code: int | None) -> str | None:
 
 def own_code(crs: CRS) -> int | None:
     """Return the EPSG code that a CRS states, even if the registry disagrees."""
-    told = crs.to_json_dict().get("id", {})
-    return int(told["code"]) if told.get("authority") == "EPSG" else None
+    identifier = crs.to_json_dict().get("id", {})
+    return int(identifier["code"]) if identifier.get("authority") == "EPSG" else None

@@ -135,12 +135,12 @@ def open_las(path: Path, given: Reference | None, vertical_unit: str | None = No
         standard = bool(header.global_encoding.gps_time_type)
         scales = [float(scale) for scale in header.scales]
         if not all(math.isfinite(scale) and scale != 0 for scale in scales):
-            told = ", ".join(f"{scale:g}" for scale in scales)
-            raise UsageError(f"{path}: its header is corrupt, its scales are {told}: copy it again")
+            listed = ", ".join(f"{scale:g}" for scale in scales)
+            raise UsageError(f"{path}: its header is corrupt, its scales are {listed}: copy it again")
         offsets = [float(offset) for offset in header.offsets]
         if not all(math.isfinite(offset) for offset in offsets):
-            told = ", ".join(f"{offset:g}" for offset in offsets)
-            raise UsageError(f"{path}: its header is corrupt, its offsets are {told}: copy it again")
+            listed = ", ".join(f"{offset:g}" for offset in offsets)
+            raise UsageError(f"{path}: its header is corrupt, its offsets are {listed}: copy it again")
         size, least = path.stat().st_size, int(header.offset_to_point_data)
         point_bytes = int(header.point_format.size)
         if not header.are_points_compressed:
@@ -209,16 +209,16 @@ def _usable(piece: Any, dropped: dict[str, int]) -> tuple[NDArray[np.float64], N
 
 
 def _marks(piece: Any) -> NDArray[np.uint8]:
-    """Return what each point tells besides its place; contradicting return numbers tell nothing."""
+    """Return number of echoes and class of each point, as bits; inconsistent return numbers are unknown."""
     from slz.kernels.survey import surface_sums as marks
 
     number, several = np.asarray(piece.return_number), np.asarray(piece.number_of_returns)
-    told = (number >= 1) & (number <= several)
-    # By ASPRS class; the last stands for all higher ones.
+    consistent = (number >= 1) & (number <= several)
+    # By ASPRS class; the last one is that of all higher classes.
     kinds = np.full(8, marks.UNCLASSIFIED, np.uint8)
     kinds[2:7] = marks.GROUND, marks.LOW_PLANT, marks.TALL_PLANT, marks.TALL_PLANT, marks.BUILDING
     kind = kinds[np.minimum(np.asarray(piece.classification), len(kinds) - 1)]
-    echoes = told * marks.TOLD | (told & (several > 1)) * marks.SEVERAL
+    echoes = consistent * marks.TOLD | (consistent & (several > 1)) * marks.SEVERAL
     return np.asarray(echoes | kind << marks.CLASS_SHIFT, np.uint8)
 
 

@@ -54,21 +54,21 @@ def check_chunks(path: Path, points_at: int, point_bytes: int, record: bytes, n_
                 f"{path}: it is truncated or corrupt, its header tells of {n_points} points, its chunks hold"
                 f" {held} at most: copy it again"
             )
-        at, told, last = points_at + 8, 0, 0
+        at, stated, last = points_at + 8, 0, 0
         for number, (most, chunk_bytes) in enumerate(table):
             if most * point_bytes > MOST_BYTES:  # lazrs would abort the process if memory is short
                 raise UsageError(
                     f"{path}: its chunk {number + 1} may hold {most} points, too many to be read at once:"
                     " write it again in chunks of 50,000 points, or copy it again if it is corrupt"
                 )
-            told, claimed = _head(file, at + point_bytes, layers) if layers else (most, 0)
+            stated, claimed = _head(file, at + point_bytes, layers) if layers else (most, 0)
             last = most
             if at + chunk_bytes > size or claimed > chunk_bytes:
                 raise UsageError(f"{path}: it is truncated or corrupt in chunk {number + 1}: copy it again")
             at += chunk_bytes
     # In older formats the count of the last chunk is known only after decompression: at least one.
     exact = layers or packing.uses_variable_size_chunks()
-    check_none_follow(path, n_points, held - last + (min(told, last) if exact else 1) - n_points)
+    check_none_follow(path, n_points, held - last + (min(stated, last) if exact else 1) - n_points)
 
 
 def check_none_follow(path: Path, n_points: int, more: int) -> None:
@@ -99,5 +99,5 @@ def _head(file: BinaryIO, at: int, layers: int) -> tuple[int, int]:
     """Return the number of points that a chunk states, and the bytes that its layers claim."""
     file.seek(at)
     data = file.read(4 * (1 + layers))
-    told, *claimed = struct.unpack(f"<{len(data) // 4}I", data[: len(data) // 4 * 4]) or (0,)
-    return told, sum(claimed)
+    stated, *claimed = struct.unpack(f"<{len(data) // 4}I", data[: len(data) // 4 * 4]) or (0,)
+    return stated, sum(claimed)

@@ -207,7 +207,7 @@ def open_pcd(path: Path, reference: Reference, in_sensor_axes: bool = False) -> 
         start, size = file.tell(), path.stat().st_size
         names = words.get("FIELDS") or words.get("COLUMNS") or []
         data = " ".join(words["DATA"]).lower()
-        default = [4] * len(names) if data == "ascii" else []  # where lines tell where a field ends
+        default = [4] * len(names) if data == "ascii" else []  # separators end a field
         sizes = _numbers(words, "SIZE", path, default)
         kinds = [kind.upper() for kind in words.get("TYPE", ["F"] * len(default))]
         counts = _numbers(words, "COUNT", path, [1] * len(names))
@@ -269,10 +269,10 @@ def _header(file: BinaryIO, path: Path) -> dict[str, list[str]]:
 
 def _count(words: dict[str, list[str]], path: Path) -> int:
     """Return the number of points; WIDTH and HEIGHT must agree with POINTS."""
-    (told,) = _numbers(words, "POINTS", path, [-1])[:1] or [-1]
+    (stated,) = _numbers(words, "POINTS", path, [-1])[:1] or [-1]
     (height,) = _numbers(words, "HEIGHT", path, [1])[:1] or [-1]
-    (width,) = _numbers(words, "WIDTH", path, [told if height == 1 else -1])[:1] or [-1]
-    points = told if "POINTS" in words else width * height
+    (width,) = _numbers(words, "WIDTH", path, [stated if height == 1 else -1])[:1] or [-1]
+    points = stated if "POINTS" in words else width * height
     if width < 0 or height < 0 or points != width * height:
         raise _corrupt(path, "WIDTH, HEIGHT and POINTS contradict each other")
     return points
@@ -280,9 +280,9 @@ def _count(words: dict[str, list[str]], path: Path) -> int:
 
 def _refuse_pose(words: dict[str, list[str]], path: Path) -> None:
     """Refuse a VIEWPOINT other than the identity; a quaternion of zeros is no rotation."""
-    told = words.get("VIEWPOINT", IDENTITY.split())
+    pose = words.get("VIEWPOINT", IDENTITY.split())
     try:
-        x, y, z, w, *turn = map(float, told[:7])
+        x, y, z, w, *turn = map(float, pose[:7])
     except ValueError:
         turn = []
     if len(turn) != 3:
@@ -290,7 +290,7 @@ def _refuse_pose(words: dict[str, list[str]], path: Path) -> None:
     half_turn = math.hypot(*turn) / (math.hypot(w, *turn) or 1.0)  # sine of half the angle
     if not all(abs(number) <= SIX_DIGITS for number in (x, y, z, half_turn)):
         raise UsageError(
-            f"{path}: its VIEWPOINT {' '.join(told[:7])[:60]} is a pose of the sensor, and its points may be"
+            f"{path}: its VIEWPOINT {' '.join(pose[:7])[:60]} is a pose of the sensor, and its points may be"
             " in the sensor's axes or placed already: apply it (pcl_transform_from_viewpoint) or write"
             f" {IDENTITY}"
         )

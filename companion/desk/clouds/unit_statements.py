@@ -33,9 +33,9 @@ class Statement:
 
 def refuse_units(owner: str, of: str, stated: Sequence[Statement], remedy: str) -> None:
     """Raise `UsageError` where two statements have units of different length."""
-    told = [one for one in stated if one.unit is not None]
-    for one in told[1:]:
-        first = told[0]
+    known = [one for one in stated if one.unit is not None]
+    for one in known[1:]:
+        first = known[0]
         if first.unit is not None and one.unit is not None and abs(one.unit / first.unit - 1) > SAME:
             raise UsageError(
                 f"{owner}: its unit of {of} is {unit_name(first.unit)} by {first.who}, but"
@@ -45,9 +45,9 @@ def refuse_units(owner: str, of: str, stated: Sequence[Statement], remedy: str) 
 
 def refuse_datums(owner: str, of: str, stated: Sequence[Statement], remedy: str) -> None:
     """Raise `UsageError` where two statements have different datums that PROJ knows."""
-    told = [one for one in stated if one.datum is not None and _known(one.datum) is not None]
-    for one in told[1:]:
-        first = told[0]
+    known = [one for one in stated if one.datum is not None and _known(one.datum) is not None]
+    for one in known[1:]:
+        first = known[0]
         if first.datum is not None and one.datum is not None and _known(first.datum) != _known(one.datum):
             raise UsageError(
                 f"{owner}: its datum of {of} is {first.datum} by {first.who}, but {one.datum} by {one.who}:"

@@ -143,13 +143,13 @@ def _of_crs(crs: CRS | None) -> list[tuple[Statement, CRS | None]]:
     own = None if crs is None else _vertical(crs)
     if own is None:
         return []
-    told: list[tuple[Statement, CRS | None]] = [(_statement(f"its CRS {own.name!r}", own), own)]
+    statements: list[tuple[Statement, CRS | None]] = [(_statement(f"its CRS {own.name!r}", own), own)]
     code = geokeys.own_code(own)
     listed = geokeys.crs_of(code)
     vertical = None if listed is None else _vertical(listed)
     if vertical is not None:
-        told.append((_statement(f"its code EPSG:{code}", vertical), vertical))
-    return told
+        statements.append((_statement(f"its code EPSG:{code}", vertical), vertical))
+    return statements
 
 
 def _of_code(keys: GeoKeys, owner: str, option: str | None) -> list[tuple[Statement, CRS | None]]:

@@ -87,8 +87,8 @@ def points(summary: dict[str, Any], contact: dict[str, Any] | None) -> dict[str,
 
     contact: touchdown of the simulator's truth, None without one.
     """
-    told = {CHOSEN: summary["chosen"], ESTIMATED: summary["touchdown"]}
-    found = {name: (p["lat"], p["lon"], p["alt_m"]) for name, p in told.items() if p is not None}
+    places = {CHOSEN: summary["chosen"], ESTIMATED: summary["touchdown"]}
+    found = {name: (p["lat"], p["lon"], p["alt_m"]) for name, p in places.items() if p is not None}
     if contact:
         found[TRUE] = contact["lat"], contact["lon"], contact["alt"]
     return found
@@ -110,7 +110,7 @@ def write(out: Path, flown: FlownMap | None, summary: dict[str, Any]) -> dict[st
 
 
 def _features(flown: FlownMap) -> list[dict[str, Any]]:
-    """Return the zones as on the pilot's page, the flown path and the points; `kind` tells them apart."""
+    """Return the zones as on the pilot's page, the flown path and the points; `kind` names each."""
     features = zone_features(flown.report)
     for zone in features:
         zone["properties"]["kind"] = "zone"
@@ -131,7 +131,7 @@ def _lonlat(place: Place) -> list[float]:
 
 
 def verdict(summary: dict[str, Any]) -> str:
-    """Return how it ended."""
+    """Return the verdict in words."""
     good = summary["landed"] and summary["touchdown_safe"]
     return "landed on safe ground" if good else "did NOT land on safe ground"
 

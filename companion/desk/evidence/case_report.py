@@ -136,14 +136,14 @@ def artefact_names(indices: Sequence[int]) -> str:
 
 
 def links(each: HazardEvidence) -> str:
-    """Return how many of a hazard's links have runs, such as "5 of 6", and counts by other tools."""
+    """Return the number of a hazard's links that have runs, such as "5 of 6", and counts by other tools."""
     found, asked = each.links()
     counts = each.counts_with_runs()
     return f"{found} of {asked} + {counts} counts" if counts else f"{found} of {asked}"
 
 
 def repetitions(case: SafetyCase) -> list[str]:
-    """Return what was reported more than once, and what was left out for an overlap."""
+    """Return sentences on runs that were reported more than once, or left out for an overlap."""
     lines = [
         f"{n:,} {unit} were reported more than once and counted once." for unit, n in case.repeated.items()
     ]
@@ -184,7 +184,7 @@ def headline(case: SafetyCase) -> list[str]:
 
 
 def _no_real_flights(case: SafetyCase) -> str:
-    """Return what was flown instead of real flights, "" where real ones are counted."""
+    """Return the sentence on flights other than real ones, "" where real ones are counted."""
     runs = [r for a in case.artefacts for r in a.runs if r.program == case.program and r.runs]
     flown = {r.environment for r in runs if r.source in FLOWN}
     if "flight" in flown:
@@ -197,7 +197,7 @@ def _no_real_flights(case: SafetyCase) -> str:
 
 
 def version_text(artefact: Artefact, program: str) -> str:
-    """Return which of an artefact's runs count: those of this version; older and unknown ones are named."""
+    """Return an artefact's numbers of runs by version; only those of this version count."""
     texts = []
     for version in artefact.programs():
         count = f"{artefact.count(version):,} runs"

@@ -84,8 +84,8 @@ class Ledger:
     repeated
         Number of tests, flights, inputs and soaks, by their unit, that were reported again and counted once.
     left_out
-        The same of those that no counted set has, but whose document overlaps one that is counted: the
-        outcome of its other runs cannot be told.
+        Number of runs, by their unit, that no counted set has, of documents that overlap a counted one: the
+        outcome of their other runs is unknown.
     """
 
     def __init__(self, program: str, reported: Iterable[Entry]) -> None:
@@ -175,8 +175,8 @@ def _overlapped(document: Document, others: Sequence[Document]) -> list[Document
 def _take_failures(counted: Sequence[Document], document: Document, beyond: int) -> None:
     """Add the failures of a document that does not count to the first of those that it overlaps.
 
-    Which of its flights failed cannot be told. As many failures as it has flights `beyond` those that are
-    known may be others, and are added; so are those by which it has more than the counted ones have.
+    The flights that failed are unknown. As many failures as it has flights `beyond` the known ones may be
+    others, and are added; so are the failures that it has more than the counted documents.
     """
     into = counted[0]
     for key, entry in document.items():

@@ -94,14 +94,14 @@ def _flight(line: Fields, kind: str, variant: str, program: str, wrong: list[str
     run = Runs(kind, variant, one(number), program, failures=int(bool(what)), what=said,
                unsafe=int(bool(bad or against)), skipped=int(not happened and not what))  # fmt: skip
 
-    def measure(source: str, failed: bool, told: str) -> Runs:
-        said = f"{label} {number}: {told}" if failed else ""
+    def measure(source: str, failed: bool, failure: str) -> Runs:
+        said = f"{label} {number}: {failure}" if failed else ""
         return Runs(source, label, run.seeds, program, failures=int(failed), unsafe=int(failed), what=said)
 
     found = [run, measure(COMMANDS, commands > 0, what)]
     if landed_by != NOBODY:
-        told = f"{'; '.join(bad_end)} ({landed_by})"
-        return [*found, measure(BY_OTHERS, bool(bad_end), told)]
+        ending = f"{'; '.join(bad_end)} ({landed_by})"
+        return [*found, measure(BY_OTHERS, bool(bad_end), ending)]
     found.append(measure(COLLISIONS, collided, what))
     if touched:
         found.append(measure(TOUCHDOWNS, unsafe_ground, what))

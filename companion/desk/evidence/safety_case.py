@@ -73,7 +73,7 @@ class HazardEvidence:
     findings: tuple[Finding, ...]
 
     def links(self) -> tuple[int, int]:
-        """Return how many links that the hazard asks for have a run, and how many it asks for.
+        """Return the number of links with a run, and the number of links that the hazard asks for.
 
         The second is the same whichever artefacts there are: a link with several findings is one link, and
         counts by other tools are none.
@@ -82,7 +82,7 @@ class HazardEvidence:
         return len({f.label for f in asked if f.runs}), len({f.label for f in asked})
 
     def counts_with_runs(self) -> int:
-        """Return how many counts by other tools have a run of the hazard."""
+        """Return the number of counts by other tools that have a run of the hazard."""
         return len({f.label for f in self.findings if f.source == "counts" and f.runs})
 
 

@@ -49,7 +49,7 @@ TIMING = (
 
 @dataclass(frozen=True, slots=True)
 class BenchmarkChoice:
-    """What to run: names of methods, words of names of scenes, more methods, other scenes and their CRS."""
+    """Selection of a run: methods, words of scenes' names, more methods, other scenes and their CRS."""
 
     methods: tuple[str, ...] = ()
     method_files: tuple[Path, ...] = ()
@@ -295,7 +295,7 @@ def _judged(method: LandingMethod, returns: FlownReturns, task: LandingTask, pla
 
 
 def _failure(error: Exception | SystemExit) -> str:
-    """Return what failed, and the last line of the method's own file that led there."""
+    """Return the failure, and the last line of the method's own file that led there."""
     line = " ".join(f"{type(error).__name__}: {error}".split())[:160]
     frames = traceback.extract_tb(error.__traceback__)[1:]  # without the call of `judge`
     own = [frame for frame in frames if frame.filename == frames[0].filename]

@@ -199,7 +199,7 @@ def _building(rng: Rng) -> dict[str, Any]:
 
 
 def _yard(rng: Rng) -> dict[str, Any]:
-    """Return what stands about a house: one hazard of most kinds."""
+    """Return the objects about a house: one hazard of most kinds."""
     (x0, y0), (x1, y1), *spots = _places(rng, 6, 4.2, 8.0)
     shapes: list[Shape] = [*_car(x0, y0, _turn(rng)), Slab("wall", x1, y1, _turn(rng), 5.0, 0.12, 0.6)]
     shapes += [Disc("pole", *spots[0], 0.1, 2.0), Disc("hole", *spots[1], 0.5, -0.7)]

@@ -41,7 +41,7 @@ class Shape(Protocol):
     def bounds(self) -> Circle: ...
 
     def rise_m(self, x: F64, y: F64) -> F64:
-        """Return how much it raises the ground at points of any shape."""
+        """Return the height (m) by which it raises the ground at points of any shape."""
 
 
 @dataclass(frozen=True, slots=True)

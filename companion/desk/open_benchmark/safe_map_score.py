@@ -15,7 +15,7 @@ from companion.desk.open_benchmark.landing_task import F64, SAFE, UNKNOWN, UNSAF
 Mask = NDArray[np.bool_]
 EDGES = np.array([0.0, 0.01, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95, 0.99, 1.0])
 """Edges of the bins of probability, closer where landings are decided."""
-RANKS = 20_000  # steps of a probability, or of 1 / (1 + share of a limit), that the curve tells apart
+RANKS = 20_000  # steps of a probability, or of 1 / (1 + share of a limit), that the curve distinguishes
 FOUND = (0.5, 0.6, 0.7, 0.8, 0.9)
 """Shares of the safe cells found at which the operating curve is read."""
 

@@ -121,7 +121,7 @@ class Replay:
 
     @property
     def diagnosis(self) -> LidarDiagnosis | None:
-        """What was wrong with the LiDAR's stream and clock; None for a sensor that is not diagnosed."""
+        """Diagnosis of the LiDAR's stream and clock; None for a sensor that is not diagnosed."""
         return self._sensors.diagnosis
 
     @property

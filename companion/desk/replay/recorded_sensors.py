@@ -84,7 +84,7 @@ class RecordedSensors:
 
     @property
     def diagnosis(self) -> LidarDiagnosis | None:
-        """What was wrong with the LiDAR's stream and clock; None for a sensor that is not diagnosed."""
+        """Diagnosis of the LiDAR's stream and clock; None for a sensor that is not diagnosed."""
         stream = self._stream
         return stream.diagnosis if isinstance(stream, PacketStream) and stream.is_diagnosed else None
 

@@ -21,7 +21,7 @@ COMPARED = 50  # messages on either side of a step, of which the least late show
 EARLIEST_NS = 10**18  # September 2001; smaller times have another epoch
 
 HOUR_S, DAY_S, WEEK_S = 3600, 86_400, 604_800
-# Usual differences of clocks, the most telling first: size, name, and most multiples.
+# Usual differences of clocks, the most specific first: size, name, and most multiples.
 USUAL = (
     (1024 * WEEK_S, "1024 weeks (a receiver whose count of weeks overflowed)", 3),
     (315_964_800, "the epoch of GPS (1980 for 1970)", 1),
@@ -82,7 +82,7 @@ class ContinuousTime:
         self._last_ns: int | None = None
 
     def __call__(self, at_ns: int) -> int:
-        """Return the time that the clock of the end would have told."""
+        """Return the time by the clock as it was at the end."""
         if self._last_ns is None:
             self._done = sum(_is_after(at_ns, step) for step in self._steps)
         else:
@@ -96,7 +96,7 @@ class ContinuousTime:
 
     @property
     def lacks_step(self) -> bool:
-        """True if the times go on beyond a step that they do not have: another clock told them."""
+        """True if the times continue beyond a step that they lack: they are of another clock."""
         if self._last_ns is None or self._done == len(self._steps):
             return False
         return _is_after(self._last_ns, self._steps[self._done])
@@ -112,7 +112,7 @@ def continuous_time(steps: Sequence[ClockStep], times_ns: Iterable[int]) -> Cont
 
 
 def _is_after(at_ns: int, step: ClockStep) -> bool:
-    """Return whether a time is nearer to those after a step than to those before it."""
+    """Return True if a time is nearer to the times after a step than to the times before it."""
     return at_ns > step.at_ns + abs(step.step_ns) // 2
 
 
@@ -124,7 +124,7 @@ def time_of_day(at_ns: int) -> str:
 
 
 def fitting_offset(points_ns: tuple[int, int], log_ns: tuple[int, int]) -> str:
-    """Return which offset would put points, measured from and to a time, into a log's span.
+    """Return the offset that would put points, measured from and to a time, into a log's span.
 
     Usual differences of clocks are named: weeks, days, time zones, epochs, leap seconds.
     """

@@ -160,7 +160,7 @@ def _summary(
 
 
 def _diagnosed(diagnosis: LidarDiagnosis | None) -> dict[str, Any]:
-    """Return what was wrong with the LiDAR, and a sentence for each cause."""
+    """Return the faults of the LiDAR, and a sentence for each cause."""
     episodes = [] if diagnosis is None else diagnosis.episodes
     lines = dict.fromkeys(f"LiDAR: {episode.explanation.line}" for episode in episodes)
     return {"lidar_faults": [episode.document() for episode in episodes], "warnings": list(lines)}

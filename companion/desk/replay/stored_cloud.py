@@ -117,7 +117,7 @@ class StoredCloud:
 
 
 def _offset(gps_s: NDArray[np.float64], clock: Clock, span_ns: tuple[int, int]) -> str:
-    """Return which offset would put the times, in the header's meaning, into the flight; empty if unknown."""
+    """Return the offset that would put the times by the header into the flight; empty if unknown."""
     found = span_by_header(gps_s, clock, span_ns)
     return "" if found is None else f": {fitting_offset(found, span_ns)}"
 

@@ -77,8 +77,8 @@ class DriftOutcome:
     """Errors relative to the map, which begins where the autopilot believed to be.
 
     at_s: (n,) since the first update. drift_enu_m, error_enu_m: (n, 3) of the autopilot's position, and of
-    the odometry's. observed: (n, 3) bool, axes that scan and map tell. squares: (n,) normalised square of the
-    error along the axes observed, by the covariance stated. way_m: flown. ms: (n,) of an update.
+    the odometry's. observed: (n, 3) bool, axes that scan and map determine. squares: (n,) normalised square
+    of the error along the axes observed, by the covariance stated. way_m: flown. ms: (n,) of an update.
     """
 
     survey: DriftingSurvey
@@ -100,7 +100,7 @@ class DriftOutcome:
 
 
 class _Track:
-    """Where the sensor truly was, and where an autopilot that drifts believes it to be."""
+    """True track of the sensor, and the track that a drifting autopilot believes."""
 
     def __init__(self, recording: SurveyRecording, severity: str) -> None:
         counts = recording.count > 0
@@ -126,7 +126,7 @@ class _Track:
     def _believed_enu_m(self, at_s: float) -> Floats:
         return self.true_enu_m(at_s) + self.off_enu_m(at_s)
 
-    def tell(self, history: PoseHistory, at_s: float) -> None:
+    def add_pose(self, history: PoseHistory, at_s: float) -> None:
         """Add the autopilot's pose of a moment; its attitude is right."""
         at_ns = round(at_s * 1e9)
         before, here, after = (self._believed_enu_m(at_s + step) for step in (-POSE_STEP_S, 0.0, POSE_STEP_S))
@@ -171,19 +171,19 @@ def _figures(outcome: DriftOutcome) -> dict[str, float]:
 
 
 def _row(outcome: DriftOutcome) -> tuple[str, ...]:
-    told = _figures(outcome)
+    figures = _figures(outcome)
     return (
         f"{outcome.survey.scene}, {outcome.survey.severity} drift",
-        f"{told['way_m']:.0f}",
-        f"{told['autopilot_rms_m']:.2f}",
-        f"{told['odometry_rms_m']:.2f}",
-        f"{100 * told['end_of_way']:.3f}",
-        f"{told['autopilot_up_rms_m']:.2f}",
-        f"{told['odometry_up_rms_m']:.2f}",
-        f"{100 * told['place_observed']:.0f}",
-        f"{100 * told['height_observed']:.0f}",
-        f"{100 * told['inside_band']:.0f}",
-        f"{told['ms_median']:.1f} / {told['ms_p95']:.1f}",
+        f"{figures['way_m']:.0f}",
+        f"{figures['autopilot_rms_m']:.2f}",
+        f"{figures['odometry_rms_m']:.2f}",
+        f"{100 * figures['end_of_way']:.3f}",
+        f"{figures['autopilot_up_rms_m']:.2f}",
+        f"{figures['odometry_up_rms_m']:.2f}",
+        f"{100 * figures['place_observed']:.0f}",
+        f"{100 * figures['height_observed']:.0f}",
+        f"{100 * figures['inside_band']:.0f}",
+        f"{figures['ms_median']:.1f} / {figures['ms_p95']:.1f}",
     )
 
 
@@ -229,7 +229,7 @@ def run(survey: DriftingSurvey, folder: Path) -> DriftOutcome:
         newest_s = float(scan.stamp_ns[-1]) * 1e-9
         pose_s = newest_s if pose_s is None else pose_s
         while pose_s <= newest_s + POSE_STEP_S:
-            track.tell(history, pose_s)
+            track.add_pose(history, pose_s)
             pose_s += POSE_STEP_S
         off, updates = track.off_enu_m(newest_s), odometry.updates
         believed = replace(

@@ -137,7 +137,8 @@ def _figure_2_table() -> Table:
 
 def _dice_table(dice: list[tuple[int, float, float]]) -> Table:
     rows: list[tuple[str, ...]] = [
-        (f"{n}", f"{thrown:.3f}", f"{told:.3f}", f"{thrown / told:.2f}") for n, thrown, told in dice
+        (f"{n}", f"{thrown:.3f}", f"{predicted:.3f}", f"{thrown / predicted:.2f}")
+        for n, thrown, predicted in dice
     ]
     return Table("Radar Eq. (3) by dice", DICE, ("looks", "thrown, rad", "Eq. (3), rad", "ratio"), rows)
 

@@ -61,7 +61,7 @@ PROBABILITY_COLUMNS = (
 WORDS = reliability.Words("Probability of water against the truth", *PROBABILITY_COLUMNS[2:])
 
 MAYBE_WATER = OBJECT + 1
-# Colours of Paul Tol's scheme "muted", which colour-blind readers can tell apart.
+# Colours of Paul Tol's scheme "muted", which colour-blind readers can distinguish.
 COLOURS = {
     int(SurfaceKind.UNKNOWN): "#ffffff",
     int(SurfaceKind.BARE): "#ddcc77",

@@ -26,7 +26,7 @@ WINDOW_CHUNKS = 10
 class SurveyFlight:
     """Options of `python -m sitl.flown_survey`.
 
-    surface: whether the recording holds what tells the kind of ground besides its shape.
+    surface: whether the recording holds evidence of the kind of ground besides its shape.
     """
 
     scene: str

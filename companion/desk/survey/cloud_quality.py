@@ -87,16 +87,16 @@ def check_steps(
     """
     x_m, y_m, z_m = (scale * length for scale, length in zip(scales, lengths_m, strict=True))
     side_m, cell_m = max(x_m, y_m), parameters.cell_m
-    told = ", ".join(f"{scale:g}" for scale in scales)
+    listed = ", ".join(f"{scale:g}" for scale in scales)
     if side_m > cell_m:
         raise UsageError(
-            f"{owner}: its scales {told} put x and y {side_m:.3g} m apart, more than a cell of {cell_m:g} m:"
-            " write it again with finer scales (1e-7 for degrees)"
+            f"{owner}: its scales {listed} put x and y {side_m:.3g} m apart, more than a cell of {cell_m:g}"
+            " m: write it again with finer scales (1e-7 for degrees)"
         )
     if z_m > parameters.relief_m:
         raise UsageError(
-            f"{owner}: its scales {told} put heights {z_m:.3g} m apart, more than relief_m of"
+            f"{owner}: its scales {listed} put heights {z_m:.3g} m apart, more than relief_m of"
             f" {parameters.relief_m:g} m, so that slopes look level: write it again with a finer scale of z"
         )
     if side_m > COARSE * cell_m:
-        log.warning("%s: its scales %s put x and y %.3g m apart: write finer ones", owner, told, side_m)
+        log.warning("%s: its scales %s put x and y %.3g m apart: write finer ones", owner, listed, side_m)

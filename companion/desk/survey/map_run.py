@@ -67,15 +67,15 @@ def run(
     try:
         with locked_folder(out):
             if parameters.mode == "source":
-                told = _in_one_window(files, out, parameters, progress, plan)
+                result = _in_one_window(files, out, parameters, progress, plan)
             else:
-                told = _in_tiles(files, out, parameters, progress, plan)
+                result = _in_tiles(files, out, parameters, progress, plan)
     except OSError as error:
         raise UsageError(f"--out {out}: cannot be written: {error}") from None
     progress("done", 1.0)
-    for warning in told["warnings"]:
+    for warning in result["warnings"]:
         log.warning(warning)
-    return told | {"seconds": round(time.perf_counter() - started, 3)}
+    return result | {"seconds": round(time.perf_counter() - started, 3)}
 
 
 def _in_tiles(
@@ -87,7 +87,7 @@ def _in_tiles(
             work,
             parameters,
             plan.engine,
-            lambda *told: _scaled(progress, *told),
+            lambda *step: _scaled(progress, *step),
             plan.crs,
             plan.tile_m,
             plan.vertical_unit,

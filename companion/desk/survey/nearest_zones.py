@@ -88,6 +88,6 @@ def _within(path: Path, lat: float, lon: float, reach_m: float) -> list[dict[str
         forward, _, distance = EARTH.inv(lon, lat, row["lon"], row["lat"])
         holds = bool(shapely.from_wkb(outline).contains(here))
         if holds or distance <= reach_m:
-            told = {"distance_m": round(distance, 2), "bearing_deg": round(forward % 360, 1)}
-            found.append(row | told | {"holds": holds})
+            relation = {"distance_m": round(distance, 2), "bearing_deg": round(forward % 360, 1)}
+            found.append(row | relation | {"holds": holds})
     return sorted(found, key=lambda row: (not row["holds"], row["distance_m"], row["id"]))

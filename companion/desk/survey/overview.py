@@ -40,14 +40,14 @@ def step_of(grid: Grid) -> int:
 
 
 def water_mask(maps: Maps, parameters: Parameters) -> NDArray[np.bool_]:
-    """Return which of the subsampled cells may be water; none by the sources' rules, which judge no water."""
+    """Return the mask of subsampled cells that may be water; none in source mode, which judges no water."""
     if parameters.mode == "source":
         return np.zeros((1, 1), bool)
     return np.asarray(subsampled(maps, "water", step_of(maps.grid)), np.float64) > parameters.water_suspicion
 
 
 def legend() -> dict[str, str]:
-    """Return what the colours of the overview mean, by colour of level ground."""
+    """Return the meaning of the overview's colours, by colour of level ground."""
     tints = {
         SAFE_TINT: "safe, too small to land in",
         UNSAFE_TINT: "unsafe: steep, rough or near an obstacle",

@@ -81,17 +81,19 @@ def document(found: SurveyCorridors, lonlat: Any, north_deg: float, length: floa
         kind = SurfaceKind(int(found.surfaces[bearing]))
         return {"surface": kind.word, "lat": lat, "lon": lon}
 
-    told = corridor_ranges(found.corridors, place, north_deg=north_deg, length=length)
-    del told["clear_deg"]  # without rays no air is known to be clear
-    free = sum((last - first) % 360 + STEP_DEG for first, last in told["unknown_deg"])
-    return {"slope_deg": told["slope_deg"], "unblocked_deg": free, **told}
+    ranges = corridor_ranges(found.corridors, place, north_deg=north_deg, length=length)
+    del ranges["clear_deg"]  # without rays no air is known to be clear
+    free = sum((last - first) % 360 + STEP_DEG for first, last in ranges["unknown_deg"])
+    return {"slope_deg": ranges["slope_deg"], "unblocked_deg": free, **ranges}
 
 
-def words(told: dict[str, Any]) -> str:
+def words(ranges: dict[str, Any]) -> str:
     """Return a document of `document` as a sentence for tables."""
-    blocked = ", ".join(f"{_range(one['bearings_deg'])} by {_obstacle(one)}" for one in told["blocked"])
-    rest = ("elsewhere " if blocked else "") + AIR if told["unknown_deg"] else ""
-    return f"at {told['slope_deg']:g}°: " + "; ".join(filter(None, (blocked and f"blocked {blocked}", rest)))
+    blocked = ", ".join(f"{_range(one['bearings_deg'])} by {_obstacle(one)}" for one in ranges["blocked"])
+    rest = ("elsewhere " if blocked else "") + AIR if ranges["unknown_deg"] else ""
+    return f"at {ranges['slope_deg']:g}°: " + "; ".join(
+        filter(None, (blocked and f"blocked {blocked}", rest))
+    )
 
 
 def _range(bearings_deg: Sequence[int]) -> str:

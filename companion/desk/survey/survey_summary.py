@@ -105,7 +105,7 @@ def reason(found: Findings) -> str | None:
 
 
 def maybe_water(found: Findings) -> str | None:
-    """Return how much ground may be water, None for none; in large surveys from a sample of cells."""
+    """Return the sentence on possible water, None without any; in large surveys from a sample of cells."""
     p, step = found.parameters, step_of(found.maps.grid)
     n = int(np.count_nonzero(water_mask(found.maps, p)))
     if not n:
@@ -118,7 +118,7 @@ def maybe_water(found: Findings) -> str | None:
 
 
 def _dropped(found: Findings) -> str:
-    """Return how many points were left out and as what, where they are a part of the points to matter."""
+    """Return the numbers of points left out, by reason, of reasons with a share of `MATTERING` or more."""
     counts = {name: n for name, n in found.dropped.items() if n >= MATTERING * found.n_read}
     return ", ".join(f"{n:,} points dropped as {name.replace('_', ' ')}" for name, n in counts.items())
 
@@ -141,7 +141,7 @@ def _why(found: Findings) -> str:
 
 
 def _unsafe(found: Findings) -> str:
-    """Return how much of the unsafe ground is too steep; in large surveys from a sample of cells."""
+    """Return the share of unsafe ground that is too steep; in large surveys from a sample of cells."""
     limit, step = found.parameters.safe_slope_deg, step_of(found.maps.grid)
     unsafe = subsampled(found.maps, "state", step) == UNSAFE
     n = int(np.count_nonzero(unsafe))

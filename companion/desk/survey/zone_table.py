@@ -31,14 +31,14 @@ def rows(findings: Findings) -> list[dict[str, Any]]:
         return []
     points = metric.lonlat(np.array([zone.best.enu_m[:2] for zone in zones])).round(DEGREE_DECIMALS)
     centres = metric.lonlat(np.array(findings.square_centres_m)).round(DEGREE_DECIMALS)
-    told = [
+    described = [
         {**_row(zone, metric), "obstacles": n, "why": zone.why, "rank": zone.id}
         | {"lat": point[1], "lon": point[0], "square_centre": centre}
         for zone, n, point, centre in zip(
             zones, findings.n_obstacles, points.tolist(), centres.tolist(), strict=True
         )
     ]
-    return [row | more for row, more in zip(told, _corridors(findings), strict=True)]
+    return [row | more for row, more in zip(described, _corridors(findings), strict=True)]
 
 
 def flat(described: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

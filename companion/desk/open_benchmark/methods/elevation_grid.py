@@ -129,7 +129,7 @@ def around(values: F64, reach: int) -> F64:
 
 
 def footprint_reach(task: LandingTask, cell_m: float) -> int:
-    """Return how many cells about the middle one a footprint meets, on either side."""
+    """Return the number of cells on either side of the middle one that a footprint meets."""
     return int(np.ceil(task.footprint_m / 2 / cell_m - 0.5 - 1e-9))
 
 

@@ -32,7 +32,7 @@ class DamagedParts:
         self.parts.append((begin, end))
 
     def sentence(self, size: int) -> str:
-        """Return what is lost of a file of `size` bytes, empty if nothing is."""
+        """Return the sentence on the lost parts of a file of `size` bytes, empty without such parts."""
         if not self.parts:
             return ""
         begin = self.parts[0][0]

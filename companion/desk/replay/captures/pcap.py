@@ -40,7 +40,7 @@ PACKED = {
 HEADER_BYTES, RECORD_BYTES = 24, 16
 # First word: ticks per second, and bytes of a record's head; the third is Kuznetsov's patched libpcap.
 FORMS = {0xA1B2C3D4: (10**6, 16), 0xA1B23C4D: (10**9, 16), 0xA1B2CD34: (10**6, 24)}
-LINK_BITS = 0xFFFF  # of the word with the link type; the others tell of checksums
+LINK_BITS = 0xFFFF  # of the word with the link type; the other bits describe checksums
 MOST_BYTES = 1 << 18  # of a frame: libpcap's own limit
 NEAR_S = 86_400  # a record behind a damaged part is of the same day
 CHAIN = 3  # records in a row that end the search where no time before them is known
@@ -131,8 +131,8 @@ class Capture:
                     self.other += 1
                 else:
                     yield Datagram(frame.at_ns, found[0], found[1])
-            told = damage.sentence(file.seek(0, 2))
-            self.cut = f"{self._path.name}: {told}" if told else ""
+            damage_text = damage.sentence(file.seek(0, 2))
+            self.cut = f"{self._path.name}: {damage_text}" if damage_text else ""
 
 
 class PcapRecords:
@@ -169,17 +169,17 @@ class PcapRecords:
         self._file.seek(at)
         head = self._file.read(self._head_bytes)
         while head:
-            told = self._told(head)
-            data = b"" if told is None else self._file.read(told[2] + self._head_bytes)
-            if told is None or len(data) < told[2]:
-                ends = told is not None or len(head) < self._head_bytes
+            record = self._record_header(head)
+            data = b"" if record is None else self._file.read(record[2] + self._head_bytes)
+            if record is None or len(data) < record[2]:
+                ends = record is not None or len(head) < self._head_bytes
                 why = "it ends within a packet" if ends else "it has a damaged record"
                 at, head = self._next(at, at + 1, last_s, why)
                 continue
-            seconds, ticks, captured, length = told
+            seconds, ticks, captured, length = record
             last_s = seconds
             begin, at, head = at, at + self._head_bytes + captured, data[captured:]
-            if len(head) == self._head_bytes and self._told(head) is None:
+            if len(head) == self._head_bytes and self._record_header(head) is None:
                 # Either the next record is damaged, or the length of this one is wrong and hides the next.
                 after = at
                 at, head = self._next(begin, begin + 1, last_s, "it has a damaged record", after)
@@ -188,8 +188,8 @@ class PcapRecords:
             at_ns = seconds * 1_000_000_000 + ticks * (1_000_000_000 // self._per_second)
             yield Frame(self._link, at_ns, data[:captured], length)
 
-    def _told(self, head: bytes) -> tuple[int, int, int, int] | None:
-        """Return seconds, ticks, captured and whole length by a record's head; None if it cannot be one."""
+    def _record_header(self, head: bytes) -> tuple[int, int, int, int] | None:
+        """Return seconds, ticks, captured and whole length by a record's head; None if implausible."""
         if len(head) < self._head_bytes:
             return None
         seconds, ticks, captured, length = self._words.unpack_from(head)
@@ -234,11 +234,11 @@ class PcapRecords:
             head = self._file.read(self._head_bytes)
             if not head and first_s is not None:
                 return True
-            told = self._told(head)
-            if told is None or abs(told[0] - (first_s or told[0])) > NEAR_S:
+            record = self._record_header(head)
+            if record is None or abs(record[0] - (first_s or record[0])) > NEAR_S:
                 return False
-            first_s = first_s or told[0]
-            at += self._head_bytes + told[2]
+            first_s = first_s or record[0]
+            at += self._head_bytes + record[2]
         return at <= self._file.seek(0, 2)
 
 

@@ -81,7 +81,7 @@ def _refusal(path: Path, what: str, at_ns: int) -> UsageError:
 
 
 def _few_ahead(at: Times, stamp: Times) -> NDArray[np.bool_]:
-    """Return which messages are a few far ahead of some after, or of another time at the beginning."""
+    """Return the mask of the few messages far ahead of later ones, or of another time at the beginning."""
     found = np.zeros(len(stamp), bool)
     for run in _runs(stamp > np.minimum.accumulate(stamp[::-1])[::-1] + LATE_NS):
         found[run] = len(run) < BELIEVED

@@ -1,4 +1,4 @@
-"""Surface of a survey: what the ground is, told in squares of a fixed lattice, with their surroundings.
+"""Surface of a survey: kind of the ground, in squares of a fixed lattice, with their surroundings.
 
 A square and the `MARGIN` around it are classified from all their points at once, because a lake is known by
 its extent and its shores. The squares are those of the CRS, so the result is the same for any tile size.
@@ -89,7 +89,7 @@ class SurfaceParts:
         ]
 
     def read(self, box: Box) -> SurfaceLayers:
-        """Return the layers of a box of surface cells; zero where nothing was told."""
+        """Return the layers of a box of surface cells; zero where nothing was classified."""
         out = np.zeros((N_LAYERS, *box.shape), np.float32)
         for row, col in _keys(box, SIDE):
             values = _values(self.path(row, col))
@@ -106,19 +106,19 @@ class SurfaceParts:
         return found, row - row[0], col - col[0]
 
     def refused(self, box: Box, parameters: Parameters) -> NDArray[np.bool_] | None:
-        """Return which near cells of a box are refused for their surface; None where none is."""
+        """Return the mask of a box's near cells refused for their surface; None without such cells."""
         layers, row, col = self.over(box)
         refused = layers.refused(parameters)
         return refused[np.ix_(row, col)] if refused.any() else None
 
     def here(self, row: float, col: float, around: float) -> SurfaceHere:
-        """Return what the ground within a distance of a place is; all in near cells of the lattice."""
+        """Return the surface within a distance of a place; all in near cells of the lattice."""
         rows, cols = ([int(np.floor(at - around)), int(np.floor(at + around)) + 1] for at in (row, col))
         return self.over(Box(*rows, *cols))[0].here()
 
 
-def tell_part(part: Part, parts: SurfaceParts, whole: Box, interval: tuple[int, int], datum: int) -> int:
-    """Tell the surface of a part and write it; the file of an earlier run is reused. Return its cells."""
+def classify_part(part: Part, parts: SurfaceParts, whole: Box, interval: tuple[int, int], datum: int) -> int:
+    """Classify the surface of a part and write it; the file of an earlier run is reused. Return its cells."""
     if part.done.exists():
         return SIDE * SIDE
     factor = parts.factor
@@ -131,11 +131,11 @@ def tell_part(part: Part, parts: SurfaceParts, whole: Box, interval: tuple[int, 
     held = _cut(wide, whole, factor)
     shape = held.shape[0] // factor, held.shape[1] // factor
     fields, classes = _cells(part.sources, held, shape, factor, whole, interval, datum)
-    told = classify(fields, parts.cell_m * factor, classes)
+    classified = classify(fields, parts.cell_m * factor, classes)
     row, col = held.row0 // factor - part.row * SIDE, held.col0 // factor - part.col * SIDE
     own = Box(max(0, row), min(SIDE, row + shape[0]), max(0, col), min(SIDE, col + shape[1]))
     out = np.zeros((N_LAYERS, SIDE, SIDE), np.float16)
-    out[:, own.row0 : own.row1, own.col0 : own.col1] = told.values[
+    out[:, own.row0 : own.row1, own.col0 : own.col1] = classified.values[
         :, own.row0 - row : own.row1 - row, own.col0 - col : own.col1 - col
     ]
     array_file.write(part.done, {"values": out})
@@ -183,8 +183,8 @@ def _cells(
     fields[SQUARES] = np.maximum(sums[2] - n * mean**2, 0) * UNIT_M**2
     fields[LOW], fields[HIGH] = (extreme[..., 0] - datum) * UNIT_M, (extreme[..., 1] - datum) * UNIT_M
     fields[DEEP], fields[TALL], fields[TOLD], fields[SEVERAL] = deep, tall, sums[3], sums[4]
-    told = np.moveaxis(classes, 2, 0).astype(np.float32)
-    prior = SurveyClasses(told[BUILDING], told[LOW_PLANT], told[TALL_PLANT], told.sum(axis=0))
+    shares = np.moveaxis(classes, 2, 0).astype(np.float32)
+    prior = SurveyClasses(shares[BUILDING], shares[LOW_PLANT], shares[TALL_PLANT], shares.sum(axis=0))
     return fields, prior
 
 

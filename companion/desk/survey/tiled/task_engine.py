@@ -24,7 +24,7 @@ CONNECT_S = 10.0
 
 SOON_S = 5.0  # no remaining time is reported before this
 
-Tell = Callable[[str, float], None]
+Report = Callable[[str, float], None]
 
 
 class Engine(Protocol):
@@ -94,8 +94,8 @@ class Progress:
     Every step has a share of the whole; work done by an earlier run does not count for the remaining time.
     """
 
-    def __init__(self, tell: Tell, clock: Callable[[], float] = time.monotonic) -> None:
-        self._tell = tell
+    def __init__(self, report: Report, clock: Callable[[], float] = time.monotonic) -> None:
+        self._report = report
         self._clock = clock
         self._began = clock()
         self._from = self._to = self._resumed = 0.0
@@ -117,7 +117,7 @@ class Progress:
         left = ""
         if passed > SOON_S and own > 0.02 and share < 1:
             left = f", {_words(passed * (1 - share) / own)} left"
-        self._tell(f"{self._what}{left}", share)
+        self._report(f"{self._what}{left}", share)
 
 
 def _translated(error: Exception) -> Exception:

@@ -38,7 +38,7 @@ class TileLayout:
 
     @property
     def surface(self) -> SurfaceParts:
-        """What the ground is."""
+        """Surface of the survey: kinds of ground."""
         return SurfaceParts(self.folder.parent / "surface", self.cell_m)
 
     def path(self, key: Key) -> Path:
@@ -100,8 +100,8 @@ class Store(UnboundedTerrain):
             box.row0 + whole.row0, box.row1 + whole.row0, box.col0 + whole.col0, box.col1 + whole.col0
         )
         if name in SURFACES:
-            told, row, col = self.layout.surface.over(wanted)
-            values: NDArray[Any] = told.kind if name == "surface" else told.water
+            layers, row, col = self.layout.surface.over(wanted)
+            values: NDArray[Any] = layers.kind if name == "surface" else layers.water
             return np.asarray(values[np.ix_(row, col)])
         state = name == "state"
         empty: Any = UNKNOWN if state else NAMED[name].empty

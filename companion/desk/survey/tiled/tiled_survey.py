@@ -27,7 +27,7 @@ from companion.desk.survey.tiled.census import Census, count_points, first_guess
 from companion.desk.survey.tiled.derive_tiles import Ground, draw_tile
 from companion.desk.survey.tiled.lattice import UNIT_M, Lattice
 from companion.desk.survey.tiled.sort_points import Piece, sort_piece
-from companion.desk.survey.tiled.surface_parts import tell_part
+from companion.desk.survey.tiled.surface_parts import classify_part
 from companion.desk.survey.tiled.task_engine import Engine, Progress
 from companion.desk.survey.tiled.tile_labels import join_components, label_tile
 from companion.desk.survey.tiled.tile_store import Store, TileLayout
@@ -83,7 +83,7 @@ class TiledSurvey:
         work: Path,
         parameters: Parameters,
         engine: Engine,
-        tell: Callable[[str, float], None],
+        report: Callable[[str, float], None],
         crs: str | None = None,
         tile_m: float | None = None,
         vertical_unit: str | None = None,
@@ -94,7 +94,7 @@ class TiledSurvey:
         self._corridors = corridors
         self._parameters = parameters
         self._engine = engine
-        self._progress = Progress(tell)
+        self._progress = Progress(report)
         self._side = plan.tile_side(tile_m, parameters.cell_m)
         self._bin_m = parameters.outlier_gap_m / 4
         self.stage_ms: dict[str, float] = {}
@@ -228,8 +228,8 @@ class TiledSurvey:
         surface = layout.surface
         surface.folder.mkdir(exist_ok=True)
         parts = surface.parts(paths, census.box)
-        told = sum(part.done.exists() for part in parts)
-        self._each("surface", tell_part, parts, told, surface, census.box, census.interval, datum)
+        classified = sum(part.done.exists() for part in parts)
+        self._each("surface", classify_part, parts, classified, surface, census.box, census.interval, datum)
         ground = Ground(census.box, census.interval, datum, p, surface)
         total: Counter[str] = Counter()
         for _, notes in self._each("drawing", draw_tile, tiles, done, ground):

@@ -82,48 +82,50 @@ def save(path: Path, zones: Sequence[DescribedZone]) -> None:
 def load(path: Path) -> list[DescribedZone]:
     """Read a zone file."""
     arrays, notes = array_file.read(path)
-    return [_found(number, arrays, told) for number, told in enumerate(notes["zones"])]
+    return [_found(number, arrays, entry) for number, entry in enumerate(notes["zones"])]
 
 
-def _surface(told: dict[str, Any]) -> SurfaceHere:
-    return SurfaceHere(**told | {"kind": SurfaceKind(told["kind"])})
+def _surface(document: dict[str, Any]) -> SurfaceHere:
+    return SurfaceHere(**document | {"kind": SurfaceKind(document["kind"])})
 
 
-def _headings(told: list[int] | None) -> tuple[int, ...] | None:
-    return None if told is None else tuple(told)
+def _headings(document: list[int] | None) -> tuple[int, ...] | None:
+    return None if document is None else tuple(document)
 
 
-def _areas(told: dict[str, Any] | None) -> HelicopterAreas | None:
-    return None if told is None else HelicopterAreas(**told)
+def _areas(document: dict[str, Any] | None) -> HelicopterAreas | None:
+    return None if document is None else HelicopterAreas(**document)
 
 
-def _ways(number: int, arrays: dict[str, NDArray[Any]], told: dict[str, Any]) -> SurveyCorridors | None:
-    if told["slopes_deg"] is None:
+def _ways(number: int, arrays: dict[str, NDArray[Any]], document: dict[str, Any]) -> SurveyCorridors | None:
+    if document["slopes_deg"] is None:
         return None
     found = {name: arrays[f"{number} {name}"] for name in WAYS}
-    corridors = Corridors(arrays[f"{number} best"], tuple(told["slopes_deg"]), **found)
+    corridors = Corridors(arrays[f"{number} best"], tuple(document["slopes_deg"]), **found)
     return SurveyCorridors(corridors, arrays[f"{number} surfaces"])
 
 
-def _found(number: int, arrays: dict[str, NDArray[Any]], told: dict[str, Any]) -> DescribedZone:
-    fields: dict[str, Any] = {name: told[name] for name in NUMBERS}
+def _found(number: int, arrays: dict[str, NDArray[Any]], document: dict[str, Any]) -> DescribedZone:
+    fields: dict[str, Any] = {name: document[name] for name in NUMBERS}
     fields |= {name: arrays[f"{number} {name}"] for name in ARRAYS}
     zone = Zone(
         **fields,
-        box=Box(**told["box"]),
+        box=Box(**document["box"]),
         obstacles=(),
         best=LandingPoint(
             enu_m=arrays[f"{number} best"],
-            **told["best"]
+            **document["best"]
             | {
-                "surface": _surface(told["best"]["surface"]),
-                "headings_deg": _headings(told["best"]["headings_deg"]),
-                "areas": _areas(told["best"]["areas"]),
+                "surface": _surface(document["best"]["surface"]),
+                "headings_deg": _headings(document["best"]["headings_deg"]),
+                "areas": _areas(document["best"]["areas"]),
             },
         ),
     )
-    east, north = told["square_centre_m"]
+    east, north = document["square_centre_m"]
     polygon = shapely.from_wkb(arrays[f"{number} polygon"].tobytes())
     assert isinstance(polygon, MultiPolygon)  # noqa: S101 - `save` writes no other type
-    ways = _ways(number, arrays, told)
-    return DescribedZone(told["first"], zone, polygon, (east, north), told["n_obstacles"], told["cut"], ways)
+    ways = _ways(number, arrays, document)
+    return DescribedZone(
+        document["first"], zone, polygon, (east, north), document["n_obstacles"], document["cut"], ways
+    )
