@@ -12,8 +12,7 @@ from typing import Any
 from rich.table import Table
 
 from companion.flight.app import Companion
-from companion.flight.outputs.zone_feature import zone_features
-from companion.flight.outputs.zone_outline import DEGREE_DECIMALS
+from companion.flight.outputs.geojson_features import DEGREE_DECIMALS, zone_features
 from companion.runtime import extras
 from params import Parameters
 from slz import Report, TerrainMaps

@@ -1,6 +1,6 @@
 """The frozen scenes: closed-form ground of 22 m with hazards of one kind or several, and their places.
 
-Version and digests are in `scene_manifest`. A change of any number here is a new version.
+Version and digests are in `benchmark_case`. A change of any number here is a new version.
 """
 
 from __future__ import annotations

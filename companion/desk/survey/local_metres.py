@@ -14,7 +14,7 @@ from pyproj.exceptions import ProjError
 from shapely.geometry import MultiPolygon, Polygon
 
 from companion.desk.clouds.crs import Reference
-from companion.flight.outputs.zone_outline import DEGREE_DECIMALS
+from companion.flight.outputs.geojson_features import DEGREE_DECIMALS
 from companion.runtime.errors import UsageError
 from slz import LocalFrame
 

@@ -81,7 +81,7 @@ class _Tally:
 
 
 def _reach(lines: Ints) -> tuple[int, int]:
-    """Return the first line and the one after the last without strays, see `stray_points`."""
+    """Return the first line and the one after the last without strays, see `cloud_quality`."""
     number, count = lines.T
     below = np.cumsum(count)
     median = number[np.searchsorted(below, (below[-1] + 1) // 2)]

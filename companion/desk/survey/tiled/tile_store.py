@@ -100,8 +100,8 @@ class Store(UnboundedTerrain):
             box.row0 + whole.row0, box.row1 + whole.row0, box.col0 + whole.col0, box.col1 + whole.col0
         )
         if name in SURFACES:
-            layers, row, col = self.layout.surface.over(wanted)
-            values: NDArray[Any] = layers.kind if name == "surface" else layers.water
+            surface, row, col = self.layout.surface.over(wanted)
+            values: NDArray[Any] = surface.kind if name == "surface" else surface.water
             return np.asarray(values[np.ix_(row, col)])
         state = name == "state"
         empty: Any = UNKNOWN if state else NAMED[name].empty

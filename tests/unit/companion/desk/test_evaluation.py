@@ -11,8 +11,14 @@ import pytest
 import rasterio
 from rasterio import Affine
 
-from companion.desk.evaluation import Truth, area_error, read_truth, relative_area_error, touchdown
-from companion.desk.truth_raster import read_raster
+from companion.desk.evaluation import (
+    Truth,
+    area_error,
+    read_raster,
+    read_truth,
+    relative_area_error,
+    touchdown,
+)
 from companion.runtime.errors import CompanionError
 from params import load
 from slz import SAFE, UNKNOWN, Box, Grid, LocalFrame, TerrainMaps

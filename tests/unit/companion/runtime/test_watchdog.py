@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from companion.runtime.lockstep_loop import LockstepLoop
-from companion.runtime.priority import SWITCH_S, real_time_priority
+from companion.runtime.process_tuning import SWITCH_S, real_time_priority
 from companion.runtime.watchdog import Watchdog
 
 MS = 1_000_000
@@ -95,7 +95,7 @@ def test_without_systemd_it_is_silent(environment: dict[str, str]) -> None:
 CHURN = """
 import resource, threading
 import numpy as np
-from companion.runtime.allocator import keep_memory
+from companion.runtime.process_tuning import keep_memory
 
 def churn():
     before = 0

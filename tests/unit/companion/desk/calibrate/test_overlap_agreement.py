@@ -11,8 +11,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from companion.desk.calibrate.calibration import SystematicSample
-from companion.desk.calibrate.calibration_flight import FlownReturns, corrected, mount_angles
+from companion.desk.calibrate.calibration import FlownReturns, SystematicSample, corrected, mount_angles
 from companion.desk.calibrate.overlap_agreement import TooLittleError, solve
 from companion.flight.fusion.pose_history import PoseHistory
 from companion.flight.geometry.sensor_mount import Mount

@@ -7,9 +7,8 @@ from itertools import permutations
 import pytest
 from scipy.stats import binom
 
-from companion.desk.evidence.binomial_bound import upper_bound
-from companion.desk.evidence.evidence_ledger import Entry, Ledger
-from companion.desk.evidence.evidence_runs import Runs, Seeds, one, seeds_text
+from companion.desk.evidence.evidence_ledger import Entry, Ledger, Runs, Seeds, one, seeds_text
+from companion.desk.evidence.safety_case import upper_bound
 from tests.unit.companion.desk.evidence.results import NOW, OLD
 
 

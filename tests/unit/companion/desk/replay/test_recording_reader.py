@@ -9,8 +9,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from companion.desk.replay.recorder_clock import fitting_offset
 from companion.desk.replay.recording_reader import RecordingReader
-from companion.desk.replay.time_of_day import fitting_offset
 from companion.flight.recorder import foxglove_scene
 from companion.flight.recorder.recording_writer import MIB, McapWriter
 from companion.runtime.errors import UsageError

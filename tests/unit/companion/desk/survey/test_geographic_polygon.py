@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from pyproj import Geod
 
 from companion.desk.clouds.crs import from_option
-from companion.desk.survey.geographic_polygon import wgs84
-from companion.desk.survey.largest_square import square_centre
-from companion.desk.survey.local_metres import metric_for
+from companion.desk.survey.findings import square_centre
+from companion.desk.survey.local_metres import metric_for, wgs84
 from companion.flight.outputs.geojson_features import zone_polygon
 from slz import SAFE, UNSAFE, Box, Grid, LandingPoint, LocalFrame, TerrainMaps, Zone
 from slz.terrain.layers import NAMED
