@@ -75,10 +75,10 @@ def _origin(scene: dict[str, Any]) -> tuple[float, float, float]:
 
 
 def touchdown(truth: Truth, chosen_lla: NDArray[np.float64] | None) -> dict[str, Any]:
-    """Return whether the vehicle landed, its distance to the chosen point (m), and whether it is safe there.
+    """Return landing, distance to the chosen point (m) and safety of the touchdown, by name.
 
-    It is safe on safe ground on which its gear stands; `touchdown_fault` says why not, `touchdown_tilt_deg`
-    at what tilt the gear rests.
+    A touchdown is safe on safe ground that carries the gear. `touchdown_fault`: reason against it.
+    `touchdown_tilt_deg`: tilt of the gear at rest.
     """
     contact = truth.flight.get("touchdown")
     if not contact:

@@ -1,4 +1,4 @@
-"""Copies of frozen records of which many fields stay and few change, many times a second."""
+"""Fast copies of frozen records with a few changed fields."""
 
 from __future__ import annotations
 
@@ -33,6 +33,6 @@ def replaced(record: R, **changes: Any) -> R:
 
 @functools.cache
 def _fields(kind: Hashable) -> tuple[tuple[str, ...], Callable[[Any], tuple[Any, ...]]]:
-    """Return the names of a class's fields, two at least, and what gives their values."""
+    """Return the names of a class's fields, two at least, and the getter of their values."""
     names: tuple[str, ...] = kind.__slots__  # type: ignore[attr-defined]
     return names, attrgetter(*names)

@@ -136,7 +136,7 @@ def _stamp_of_simulator() -> bytes:
 def compile_kernels(progress: Callable[[int, int], None], needs: Needs) -> None:
     """Compile the missing kernels, one module per core at a time.
 
-    Errors are ignored here: whoever calls the kernels next compiles what is missing.
+    Errors are ignored: the next caller compiles the missing kernels.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def _caches() -> list[Path]:
 
 
 if __name__ == "__main__":  # child of `compile_kernels`: a module and its kernels on each line of stdin
-    gc.set_threshold(20_000)  # less often: what the compiler makes is large, and little of it is garbage
+    gc.set_threshold(20_000)  # less often: the compiler's objects are many, and few are garbage
     for line in sys.stdin:
         module, *kernels = line.split()
         own = vars(importlib.import_module(module))

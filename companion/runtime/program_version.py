@@ -1,4 +1,4 @@
-"""Version of the program: release and digest of its source, by which a result names what it was made with."""
+"""Version of the program: release and digest of its source, stored with every result."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from importlib import metadata
 from pathlib import Path
 
 PACKAGES = ("companion", "params", "sitl", "slz")
-LEFT_OUT = ("__pycache__", "companion/desk/evidence")  # the safety case changes no result of which it is made
+LEFT_OUT = ("__pycache__", "companion/desk/evidence")  # the safety case changes none of its inputs
 DIGITS = 12
 
 

@@ -18,7 +18,7 @@ from companion.runtime.errors import UsageError
 
 MOST_HEADER = 1 << 16  # bytes
 MOST_LINE = 1 << 16
-# As Windows and Fortran write what is no number.
+# Spellings of NaN and infinity by Windows and Fortran.
 _NO_NUMBER = re.compile(r"[+-]?(?:nan\([a-z]*\)|1\.#(?:ind|qnan|snan|inf)\d*)", re.IGNORECASE)
 
 

@@ -1,4 +1,4 @@
-"""Options of `slz demo`: scenes, intruders, limits, and what is refused of them."""
+"""Options of `slz demo`: scenes, sensors, intruders, limits, and refusals."""
 
 from __future__ import annotations
 

@@ -281,7 +281,7 @@ def _simulator(
 
 
 def gear_options(parameters: Parameters) -> list[str]:
-    """Return the simulator's options of the gear; with none its vehicle stands on its own pads."""
+    """Return the simulator's options of the gear; without gear, none: its vehicle has pads of its own."""
     if parameters.gear == "none":
         return []
     return [

@@ -42,7 +42,7 @@ class Hazard:
     barriers
         Code, as `module:name`.
     tests
-        Node IDs; a file stands for all its tests.
+        Node IDs; the name of a file includes all its tests.
     campaign, landings, fuzz, soak
         Faults, kinds of flights, harnesses and clocks.
     counts
@@ -72,7 +72,7 @@ class Hazard:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """A part of run-time assurance: what it is here, and its code."""
+    """A part of run-time assurance: role, name, implementation and code."""
 
     role: Role
     name: str

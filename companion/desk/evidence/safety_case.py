@@ -1,4 +1,4 @@
-"""Safety case: what the runs say about each hazard."""
+"""Safety case: evidence of the runs for each hazard, with upper bounds of probabilities."""
 
 from __future__ import annotations
 

@@ -27,8 +27,8 @@ class BenchmarkCase:
     """Scene to be judged.
 
     origin: latitude, longitude (deg), altitude (m) of its local metres. flights: returns by label, such as
-    the pulses per m². document: what the scene is, as JSON. digests_agree: of a frozen scene, whether what
-    was computed of it is what the manifest says (`frozen_agreement`); None for others.
+    the pulses per m². document: description of the scene, as JSON. digests_agree: True if digests of a
+    frozen scene equal the manifest's (`frozen_agreement`); None for other scenes.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Closed forms of the surface of frozen scenes: each shape raises or lowers the ground where it stands.
+"""Closed forms of the surface of frozen scenes: each shape raises or lowers the ground at its place.
 
 The surface is the ground plus the rise of every shape, at any point. A shape is data: `scene.json` holds the
 same numbers, so that another program can compute the same surface.

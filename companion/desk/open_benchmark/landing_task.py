@@ -97,7 +97,7 @@ class SafeMap:
 
 
 class LandingMethod(Protocol):
-    """A method of the benchmark. A module that holds one names it `METHOD`."""
+    """A method of the benchmark. A user's file names it `METHOD`."""
 
     @property
     def name(self) -> str:
@@ -105,7 +105,7 @@ class LandingMethod(Protocol):
 
     @property
     def source(self) -> str:
-        """Publication, and what was chosen here that it leaves open."""
+        """Publication, and our choices where it leaves them open."""
 
     def judge(self, returns: FlownReturns, task: LandingTask) -> SafeMap:
         """Return the safe map; must not change its input."""

@@ -66,8 +66,8 @@ def read_raster(path: Path, case: BenchmarkCase, safe_from: float) -> SafeMap:
     """Read band 1 of a GeoTIFF at the centres of the case's cells, the nearest cell.
 
     Whole numbers: 0 unsafe, 1 safe, nodata or 255 unknown. Floating point: probability of safe, NaN or
-    nodata unknown. What the file's mask or its alpha band hides is unknown, whatever its value. Only the part
-    of the file that covers the case is read.
+    nodata unknown. Cells hidden by the file's mask or alpha band are unknown, whatever their value. Only the
+    part of the file that covers the case is read.
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", NotGeoreferencedWarning)

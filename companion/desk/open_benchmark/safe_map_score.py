@@ -26,8 +26,8 @@ class SafeMapCounts:
 
     missed, unsafe: unsafe cells called safe, and all, by kind. found, safe: safe cells called safe, and all.
     bins: (bins, 3) cells, sum of probabilities and number truly safe. brier: sum of squared errors. ranks:
-    (2, `RANKS`) unsafe and safe cells by what the method says of them, from the surest on; cells on which
-    it says nothing are in none.
+    (2, `RANKS`) unsafe and safe cells by the method's probability, the highest first; cells without a
+    probability are left out.
     """
 
     missed: Counter[str] = field(default_factory=Counter)

@@ -70,8 +70,8 @@ class RayCaster:
     def cast(self, sensor: F64, direction: F64) -> F64:
         """Return the range (n,) of rays that point down; NaN where one leaves the lattice.
 
-        A ray goes on by as much as the greatest height around allows, else by 1 cm; where it is below the
-        surface the last step is halved.
+        A step is as long as the greatest height around allows, at least 1 cm; a ray that is below the surface
+        halves its last step.
         """
         out = np.full(len(direction), np.nan)
         alive = np.arange(len(direction))

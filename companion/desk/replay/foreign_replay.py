@@ -76,7 +76,7 @@ class Rerun:
     returns, span_ns
         Number of returns, and their oldest and newest stamp.
     diagnosis
-        What was wrong with the LiDAR's stream and clock; None unless the feed holds its packets.
+        Diagnosis of the LiDAR's stream and clock; None unless the feed holds its packets.
     poses_ns
         Oldest and newest time that has poses; None without any.
     """

@@ -15,7 +15,7 @@ from params import Parameters
 from slz import SAFE, UNKNOWN, TerrainMaps
 
 Counts = Mapping[str, Any]
-ABOVE_SHARE = 0.5  # of points above the vehicle: what it flies over is below it
+ABOVE_SHARE = 0.5  # share of points above the vehicle beyond which their heights are of another datum
 
 
 def lost_for_time(source: Counts, returns: Counts) -> list[str]:

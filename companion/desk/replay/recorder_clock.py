@@ -1,7 +1,7 @@
 """Clock of the computer that recorded a log and the points beside it, which may be set while it records.
 
 A clock without a battery begins in 1970 or at its last shutdown, and GNSS or NTP sets it in flight. Log and
-points step together; the autopilot's own time, which goes on, shows where and by how much.
+points step together; the autopilot's own time, which continues, shows where and by how much.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-# Between two messages of the autopilot, the log's time and the autopilot's own go on alike. A time that goes
-# back was set; one that goes far ahead, too (a message may come some seconds late).
+# Between two messages of the autopilot, the log's time and the autopilot's own advance equally. A log's time
+# that jumps back or far ahead was set; a message that comes late lags by some seconds only.
 BACK_NS, FORWARD_NS = 100_000_000, 10_000_000_000
-COMPARED = 50  # messages on either side of a step, of which the least late shows its size
+COMPARED = 50  # messages on either side of a step; the least delayed one shows its size
 
 EARLIEST_NS = 10**18  # September 2001; smaller times have another epoch
 

@@ -67,7 +67,7 @@ class RecordedSurface:
 
     bright: (n,) share of what a white target sends back, of each return. lost_enu_m, lost_origin_enu_m:
     (m, 3) point on each ray without a return, and the sensor's position then. lost_weight: (m,) number of
-    rays that each stands for. lost_count: (k,) of each scan. kind: raster of the truth, by the numbers of
+    rays that each represents. lost_count: (k,) of each scan. kind: raster of the truth, by the numbers of
     `names`. roof_height_m: of roofs over the ground around them, NaN elsewhere.
     """
 

@@ -73,8 +73,8 @@ def rasters(metric: Metric, mode: str) -> tuple[Raster, ...]:
 def write(path: Path, raster: Raster, maps: Maps, metric: Metric) -> Path:
     """Write a map, north up, with overviews where it is larger than a tile.
 
-    Overviews of the state take the nearest cell, so that no new value appears. Reading and writing goes
-    window by window, so memory does not grow with the map.
+    Overviews of the state take the nearest cell, so that no new value appears. Maps are read and
+    written in windows, so memory does not grow with their size.
 
     Raises
     ------

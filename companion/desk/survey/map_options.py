@@ -1,4 +1,4 @@
-"""Options of a survey, and what is refused of them before any kernel is loaded."""
+"""Options of a survey, and refusals before any kernel is loaded."""
 
 from __future__ import annotations
 

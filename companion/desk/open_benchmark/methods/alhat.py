@@ -55,7 +55,7 @@ class AlhatDeterministic:
     """Worst slope and worst height above the plane of the pads, over all headings, against limits.
 
     Ivanov, Huertas and Lim, Probabilistic Hazard Detection for Autonomous Safe Landing, AIAA 2013-5019, the
-    deterministic form to which it compares itself. What lies below the plane is no hazard but under a pad.
+    deterministic form to which it compares itself. Ground below the plane is a hazard only under a pad.
     """
 
     name: str = "ALHAT, deterministic"
@@ -121,7 +121,7 @@ def elevation_map(returns: FlownReturns, task: LandingTask) -> F64:
 def resting_planes(height_m: F64, task: LandingTask) -> Iterator[RestingPlanes]:
     """Yield the planes on which the lander may rest: two for each heading.
 
-    Four pads stand on a circle whose diameter is the footprint. The lander rests on three of them, on the
+    Four pads are on a circle whose diameter is the footprint. The lander rests on three of them, on the
     diagonal whose heights add up to more and on either pad of the other; the fourth hangs in the air.
     """
     cell = task.grid.cell_m

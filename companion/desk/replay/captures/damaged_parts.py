@@ -1,4 +1,4 @@
-"""Damaged parts of a capture: what was left out, and the search for the next whole record behind one."""
+"""Damaged parts of a capture: account of omitted bytes, and search for the next whole record."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Finder = Callable[[NDArray[np.uint32]], NDArray[np.bool_]]
 class DamagedParts:
     """Account of the parts of a file that cannot be read.
 
-    parts: first byte and the byte after the last of each. why: what is wrong with the first one.
+    parts: first byte and the byte after the last of each. why: fault of the first one.
     """
 
     parts: list[tuple[int, int]] = field(default_factory=list)

@@ -201,7 +201,7 @@ class PcapRecords:
     ) -> tuple[int, bytes]:
         """Return offset and head of the next whole record from `begin` on, and note the part before it.
 
-        That part begins at `damaged`, or at `after` if the record lies behind that.
+        That part begins at `damaged`, or at `after` if the record is behind that.
         """
 
         def looks(words: NDArray[np.uint32]) -> NDArray[np.bool_]:
@@ -227,7 +227,7 @@ class PcapRecords:
         return end, self._file.read(self._head_bytes)
 
     def _is_whole(self, count: int, at: int) -> bool:
-        """Return whether so many whole records of one day, or all up to the file's end, begin here."""
+        """Return True if `count` whole records of one day, or all up to the end, begin at an offset."""
         first_s: int | None = None
         for _ in range(count):
             self._file.seek(at)

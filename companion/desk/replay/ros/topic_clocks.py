@@ -1,4 +1,4 @@
-"""Clocks of a bag's topics, of which one may be set while the bag is recorded.
+"""Clocks of a bag's topics; one may be set while the bag is recorded.
 
 The lag of a message is its time of recording less its stamp: a delay, which changes and is made up for. A
 clock that is set changes the lags of its topics from one message to the next, and for good.
@@ -19,7 +19,7 @@ from companion.runtime.errors import UsageError
 
 Times = NDArray[np.int64]
 Pair = tuple[int, int]
-BELIEVED = 5  # so many messages in succession are another clock, and no bad stamps
+BELIEVED = 5  # successive messages of another time that make a clock, not bad stamps
 STEP_NS = 100_000_000  # smallest step that is found; NTP slews a clock that errs by less than 128 ms
 LATE_NS = 1_000_000_000  # messages that overtake each other, or are of several sensors, come less late
 COMPARED_NS = 60_000_000_000  # before and after a step: longer than the recorder stalls
@@ -35,7 +35,7 @@ class _Step:
     change_ns: int
 
     def is_of(self, other: _Step) -> bool:
-        """Return whether another topic's step may be of the same clock."""
+        """Return True if another topic's step may be of the same clock."""
         apart_ns = max(self.after_ns, other.after_ns) - min(self.before_ns, other.before_ns)
         return apart_ns <= APART_NS and abs(self.change_ns - other.change_ns) <= STEP_NS
 
