@@ -16,5 +16,6 @@ sim.wait()
 run.terminate()
 flight = json.loads(run.communicate()[0].splitlines()[-1])  # the last line sums the flight up
 
-print(f"landed: {flight['landed']}, aborted landings: {flight['aborts']}")
-print(f"touchdown {flight['off_point_m']} m off the chosen point, by the vehicle's own position")
+# What the pilot reads meanwhile is on stderr: GPS lost, landing at once; then the autopilot's failsafe lands.
+print(f"failsafes of the autopilot: {', '.join(flight['failsafes'])}")
+print(f"landed by slz: {flight['landed']}, aborted landings: {flight['aborts']}")
