@@ -1,10 +1,23 @@
 """Parameters: one table, profiles, and their validation."""
 
-from params.autopilot_files import AUTOPILOT_FILES, autopilot_file
-from params.grounded import Grounded, airworthy, check_airworthy, grounded
-from params.load import PROFILES, RENAMED, ParameterError, allowed, build, load, unknown
+from params.load import (
+    AUTOPILOT_FILES,
+    PROFILES,
+    RENAMED,
+    Grounded,
+    ParameterError,
+    airworthy,
+    allowed,
+    autopilot_file,
+    build,
+    check_airworthy,
+    grounded,
+    load,
+    unknown,
+)
 from params.required import Required, required
-from params.table import Parameters, Row, Spec, rows
+from params.spec import Spec
+from params.table import Parameters, Row, rows
 
 __all__ = [
     "AUTOPILOT_FILES",

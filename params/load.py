@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import tomllib
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -114,3 +115,69 @@ def allowed(row: Row, *, in_flight: bool = False) -> str:
     unit = f" {row.unit}" if row.unit else ""
     number = "a whole number" if row.kind is int else "a number"
     return f"{number} from {row.low:g} to {row.high:g}{unit}"
+
+
+@dataclass(frozen=True, slots=True)
+class Grounded:
+    """A parameter's value that must not fly, and the reason, a predicate of the value."""
+
+    row: Row
+    value: str
+    reason: str
+
+    @property
+    def allowed(self) -> str:
+        """Values that may fly, in words."""
+        return allowed(self.row, in_flight=True)
+
+
+def grounded(parameters: Parameters) -> tuple[Grounded, ...]:
+    """Return the values that must not fly, in the order of the table."""
+    chosen = ((row, getattr(parameters, row.name)) for row in rows() if row.grounded)
+    return tuple(Grounded(row, value, row.grounded[value]) for row, value in chosen if value in row.grounded)
+
+
+def airworthy(parameters: Parameters) -> Parameters:
+    """Return parameters that may fly: the defaults in place of grounded values."""
+    return parameters.model_copy(update={one.row.name: one.row.default for one in grounded(parameters)})
+
+
+def check_airworthy(parameters: Parameters) -> Parameters:
+    """Return the parameters unchanged.
+
+    Raises
+    ------
+    ParameterError
+        A value must not fly.
+    """
+    if found := grounded(parameters):
+        raise ParameterError("; ".join(_refusal(one) for one in found))
+    return parameters
+
+
+def _refusal(one: Grounded) -> str:
+    return f"parameter {one.row.name} = {one.value!r} must not fly: it {one.reason}; use {one.allowed}"
+
+
+AUTOPILOT_FILES = (
+    "arducopter.parm",
+    "arducopter_odometry.parm",
+    "px4.params",
+    "px4_odometry.params",
+    "px4_sih.params",
+)
+
+
+def autopilot_file(name: str) -> tuple[str, str]:
+    """Return file name and text of a parameter file by its name, with or without the ending.
+
+    Raises
+    ------
+    ParameterError
+        There is no such file.
+    """
+    for file in AUTOPILOT_FILES:
+        if name in (file, file.partition(".")[0]):
+            return file, resources.files("params").joinpath("autopilot", file).read_text("utf-8")
+    known = ", ".join(file.partition(".")[0] for file in AUTOPILOT_FILES)
+    raise ParameterError(f"no parameter file {name!r}: there are {known}")

@@ -16,15 +16,14 @@ from sitl.attached import attach
 from sitl.autopilot.airframe import Kind
 from sitl.autopilot.estimator import SEVERITIES, EstimateErrors
 from sitl.autopilot.parameters import in_range, with_defaults
-from sitl.lockstep import LockstepServer
-from sitl.pace import Pace
+from sitl.pace import LockstepServer, Pace
 from sitl.sensors import lidars
 from sitl.sensors.imu.inertial_port import PORTS as IMU_PORTS
 from sitl.sensors.lidar_port import Address
 from sitl.sensors.particles import AIR
 from sitl.signals import Ended, Signals
 from sitl.simulation import DEFAULT_ORIGIN, Simulation
-from sitl.truth import gear_options, truth
+from sitl.truth import touchdown, truth
 from sitl.vehicle.rotor_strike import Rotor
 from sitl.wire.message_signing import read_key
 from sitl.wire.wire import WireError
@@ -166,7 +165,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         default=None,
         metavar="HOST:PORT|DEVICE",
         help="where its packets go [default: 127.0.0.1 and the sensor's own port; "
-        "for sf45 a pseudo-terminal, told at the start]",
+        "for sf45 a pseudo-terminal, printed at the start]",
     )
     parser.add_argument(
         "--radar-to", default=None, metavar="HOST:PORT", help="an interferometric radar beside the LiDAR"
@@ -273,7 +272,7 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
         "--slope-limit", type=float, default=10.0, help="steepest safe ground of the truth, degrees"
     )
     parser.add_argument("--relief-limit", type=float, default=0.3, help="highest safe step, m")
-    gear_options.add_options(parser)
+    touchdown.add_gear_options(parser)
     options = parser.parse_args(arguments)
     if options.autopilot is not None:
         attach.refuse_foreign(options, parser.get_default)
@@ -344,7 +343,7 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
     if options.air != "clear" and simulation.lidar is not None:
         simulation.fill_air(options.air)
     simulation.rotor = Rotor(options.rotor_diameter / 2, options.rotor_height)
-    simulation.log.gear, simulation.log.tip_limit_deg = gear_options.chosen(options), options.tip_limit
+    simulation.log.gear, simulation.log.tip_limit_deg = touchdown.chosen_gear(options), options.tip_limit
     try:
         return simulation, None if options.lockstep is None else LockstepServer(options.lockstep)
     except WireError:

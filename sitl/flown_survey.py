@@ -2,7 +2,7 @@
 
 It evaluates the mapping alone, without the errors of a navigation filter. The vehicle keeps its height
 above the highest object within its swath, like a terrain follower. With `--surface` the file also holds
-what tells the kind of ground besides its shape: brightness of returns, rays without a return, and its truth.
+evidence of the kind of ground besides its shape: brightness of returns, rays without a return, and its truth.
 """
 
 from __future__ import annotations

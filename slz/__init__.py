@@ -15,8 +15,8 @@ from slz.moving.tracks import MovingObject
 from slz.pipeline import Pipeline
 from slz.report import MapReport, Report
 from slz.surface.surface_kinds import SurfaceHere, SurfaceKind
-from slz.terrain.changes import Drawn, DrawnTile
 from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE, TerrainMaps
+from slz.terrain.terrain_view import Drawn, DrawnTile
 from slz.window import PointAttributes, Scan, Window, Windower, join
 from slz.wires.detected_wire import Wire
 from slz.zone import LandingPoint, Zone, zone_mask

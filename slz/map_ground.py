@@ -19,8 +19,7 @@ from slz.surface.surface_map import SurfaceMap
 from slz.terrain.arrivals import Arrivals
 from slz.terrain.tiles import Tiles
 from slz.wires.detected_wire import Wire
-from slz.wires.wire_detector import WireDetector
-from slz.wires.wire_marks import WireMarks
+from slz.wires.wire_detector import WireDetector, WireMarks
 from slz.zones.zone_map import ZoneMap
 
 Points = NDArray[np.float64]

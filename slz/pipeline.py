@@ -19,10 +19,10 @@ from slz.method import Method, MethodResult, ResolutionMap
 from slz.prior import Source as PriorSource
 from slz.report import MapReport, Report
 from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere
-from slz.terrain.changes import Drawn, read_changes
 from slz.terrain.layers import Output, reaching
 from slz.terrain.terrain import Tally
 from slz.terrain.terrain_maps import UNKNOWN, TerrainMaps
+from slz.terrain.terrain_view import Drawn, read_changes
 from slz.window import Window
 
 Points = NDArray[np.float64]

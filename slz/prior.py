@@ -61,7 +61,7 @@ Source = Callable[[LocalFrame, Points], Surveyed | None]
 
 
 class PriorTerrain(UnboundedTerrain):
-    """What is left of surveyed ground, to be read as the live maps are (`TerrainView`).
+    """Surveyed ground that no return contradicted, as a `TerrainView`.
 
     offset_m: height of the survey's zero over the zero of the live maps' stored heights. datum_m: height of
     the latter, see `slz.terrain.tiles.Tiles`.

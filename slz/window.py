@@ -14,9 +14,9 @@ from slz.frame import LocalFrame, is_known
 LATE_NS = 2_000_000_000
 MOST_LATE = 100  # scans
 EARLY = 0.1  # of the time between two scans
-MOST_POINTS = 10_000_000  # bound on a window whose stamps do not advance
-MOST_SCANS = 60_000  # the same, for scans
-MOST_LOST = 1_000_000  # the same, for rays without a return
+MOST_POINTS = 10_000_000  # points kept in a window whose stamps do not advance
+MOST_SCANS = 60_000  # scans kept in a window whose stamps do not advance
+MOST_LOST = 1_000_000  # rays without a return kept in a window whose stamps do not advance
 LOST_M = 100.0
 
 
@@ -221,7 +221,7 @@ class Windower:
             self._scans = [*(late for late in self._late if late.frame == scan.frame), scan]
             self._first_ns, self._late = int(scan.stamp_ns[0]), []
             if ended is not None or (self._newest_ns or 0) > self._first_ns:
-                self._newest_ns = None  # how long after the one before it began tells nothing of the next
+                self._newest_ns = None  # its interval to the one before is no evidence for the next
         if not self._follow(scan):
             return ()
         whole = self.flush() if self.is_over(span_s) else None
@@ -234,7 +234,7 @@ class Windower:
 
     @property
     def is_open(self) -> bool:
-        """Whether scans are held that wait for others."""
+        """True if scans are held that wait for others."""
         return bool(self._scans)
 
     def _follow(self, scan: Scan) -> bool:

@@ -18,7 +18,7 @@ Rows = NDArray[np.int64]
 
 
 class Flag(IntFlag):
-    """What is known of a return; the columns `flags` hold sums of these.
+    """Properties of a return; the column `flags` holds sums of these.
 
     USABLE: finite, in range. KEPT: no outlier rule drops it. SPARSE: kept although isolated, since most
     returns of the window are; not for the near map. NEAR: near enough to be mapped. ISOLATED: few others are
@@ -68,12 +68,12 @@ class Returns:
 
     @property
     def has_place(self) -> bool:
-        """Whether the sensor's position at the end of the window is known."""
+        """True if the sensor's position at the end of the window is known."""
         return is_known(self.sensor_m)
 
     def rows(self, has: int, lacks: int = 0) -> Rows:
         """Return the rows that have all flags of one sum, and none of another."""
-        return rows_of(self.flags, int(has), int(lacks))  # plain numbers, which Numba tells at once
+        return rows_of(self.flags, int(has), int(lacks))  # plain numbers, whose type Numba finds fastest
 
     def places(self, has: int, lacks: int = 0) -> Points:
         """Return a copy (m, 3) of the places of such rows."""

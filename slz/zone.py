@@ -46,12 +46,12 @@ class LandingPoint:
 
     @property
     def has_no_heading(self) -> bool:
-        """Whether the vehicle can land there at no heading."""
+        """True if the vehicle can land there at no heading."""
         return self.headings_deg == ()
 
     @property
     def can_land_at_any_heading(self) -> bool:
-        """Whether no heading is excluded, as far as is known."""
+        """True if no heading is known to be excluded."""
         return self.headings_deg in (None, ALL_HEADINGS)
 
 

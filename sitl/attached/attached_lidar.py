@@ -15,8 +15,7 @@ import pymap3d
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.attached.attached_log import AttachedLog
-from sitl.attached.pose_source import Place, Pose, PoseSource, streams
-from sitl.attached.sensor_time import SensorTime
+from sitl.attached.pose_source import Place, Pose, PoseSource, SensorTime, streams
 from sitl.scenes import Scene
 from sitl.sensors import lidars
 from sitl.sensors.lidar_port import Address
@@ -97,7 +96,7 @@ class AttachedLidar:
 
     @property
     def ready(self) -> bool:
-        """Whether the scene has an origin and scans are sent."""
+        """True if the scene has an origin and scans are sent."""
         return bool(self._track.stamps)
 
     def advance(self, now_s: float) -> bool:

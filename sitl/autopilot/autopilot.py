@@ -18,14 +18,13 @@ from sitl.autopilot.airframe import Airframe, Kind
 from sitl.autopilot.cascade_control import VelocityLoop, attitude_for, rate_command
 from sitl.autopilot.commands import Commands
 from sitl.autopilot.failsafe import PERIOD_NS, Failsafes
-from sitl.autopilot.mission_items import MissionServer
+from sitl.autopilot.mission_items import MissionServer, Rally
 from sitl.autopilot.modes import NEEDS_POSITION, PILOTED, Mode, Navigator
 from sitl.autopilot.parameters import with_defaults
 from sitl.autopilot.position_aiding import PositionAiding
 from sitl.autopilot.precland import PrecisionLanding
 from sitl.autopilot.proximity import Proximity
 from sitl.autopilot.radio_receiver import RadioReceiver
-from sitl.autopilot.rally import Rally
 from sitl.autopilot.telemetry import Telemetry
 from sitl.autopilot.wind_estimator import WindEstimator
 from sitl.vehicle.multirotor import GRAVITY_MS2
@@ -116,7 +115,7 @@ class Autopilot:
 
     @property
     def has_ekf2(self) -> bool:
-        """Whether the filter is PX4's."""
+        """True if the filter is PX4's."""
         return bool(self.parameters.get("EKF2_EN", 0.0))
 
     @property
@@ -149,12 +148,12 @@ class Autopilot:
 
     @property
     def settled(self) -> bool:
-        """Whether the estimator has settled after its start."""
+        """True if the estimator has settled after its start."""
         return self._now_ns >= self._ready_ns
 
     @property
     def position_ok(self) -> bool:
-        """Whether the position estimate permits arming and navigation."""
+        """True if the position estimate permits arming and navigation."""
         return self.settled and self.aiding.absolute and not self.failsafes.ekf
 
     @property

@@ -76,7 +76,7 @@ class Params:
 
     @property
     def is_place(self) -> bool:
-        """Whether x, y and z are a latitude, a longitude and an altitude."""
+        """True if x, y and z are a latitude, a longitude and an altitude."""
         return _is_place(self.x, self.y, self.z)
 
 

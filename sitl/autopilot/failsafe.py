@@ -38,7 +38,7 @@ class Failsafes:
 
     @property
     def any_triggered(self) -> bool:
-        """Whether HEARTBEAT reports a critical state; the fence does not count."""
+        """True if HEARTBEAT reports a critical state; the fence does not count."""
         return self.radio or self.ground_station or self.battery or self.ekf
 
     def check(self) -> None:

@@ -115,7 +115,7 @@ class Fence:
 
     @property
     def enabled(self) -> bool:
-        """Whether any fence is active."""
+        """True if any fence is active."""
         p = self.parameters
         return bool((p["FENCE_ENABLE"] or p["FENCE_AUTOENABLE"]) and self.kinds)
 

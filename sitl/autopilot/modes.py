@@ -84,9 +84,9 @@ class Navigator:
     search: Search = field(default_factory=Search)
     sticks: Sticks = RESTING
     repositioned: bool = False
-    """Whether the pilot moved this landing with roll or pitch: its target is abandoned."""
+    """True if the pilot moved this landing with roll or pitch: its target is abandoned."""
     blind: bool = False
-    """Whether this landing has no position: it flies level, or leans with roll and pitch."""
+    """True if this landing has no position: it flies level, or leans with roll and pitch."""
     _paused_until_ns: int = 0
 
     def enter(self, mode: Mode, state: State) -> None:

@@ -19,8 +19,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.aiding.external_navigation import DEFAULTS as EXTERNAL_DEFAULTS
 from sitl.autopilot.aiding.external_navigation import ExternalNavigation, ExternalPose
-from sitl.autopilot.aiding.gnss_receiver import GnssReceiver
-from sitl.autopilot.aiding.height_aiding import HeightAiding
 from sitl.autopilot.aiding.inertial_filter import (
     POSITION,
     TILT,
@@ -28,7 +26,7 @@ from sitl.autopilot.aiding.inertial_filter import (
     InertialFilter,
 )
 from sitl.autopilot.aiding.source_sets import DEFAULTS as SOURCE_DEFAULTS
-from sitl.autopilot.aiding.source_sets import Source, SourceSets
+from sitl.autopilot.aiding.source_sets import GnssReceiver, HeightAiding, Source, SourceSets
 from sitl.vehicle.rigid_body import State, to_euler
 
 F64 = NDArray[np.float64]
@@ -153,7 +151,7 @@ class PositionAiding:
 
     @property
     def gps(self) -> bool:
-        """Whether the receiver has a fix."""
+        """True if the receiver has a fix."""
         return self.gnss.has_fix
 
     def lose_gps(self, bearing_rad: float) -> None:
@@ -373,7 +371,7 @@ class PositionAiding:
 
     @property
     def stopped(self) -> bool:
-        """Whether the filter has stopped aiding and holds its position constant."""
+        """True if the filter has stopped aiding and holds its position constant."""
         realigns = self._source is Source.GPS and self.gnss.has_fix and not self._switched
         return not self.absolute and (realigns or self._since_s >= STOPPED_S)
 

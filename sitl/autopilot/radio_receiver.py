@@ -26,7 +26,7 @@ class Sticks:
 
     @property
     def steering(self) -> bool:
-        """Whether roll or pitch is deflected."""
+        """True if roll or pitch is deflected."""
         return bool(self.right or self.forward)
 
 

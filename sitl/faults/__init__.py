@@ -1,9 +1,9 @@
 """Fault injection between vehicle, sensors and companion: faults by name, started and ended in flight.
 
-One family per file: `link_faults` (the companion's link), `autopilot_faults`, `stick_fault` (the pilot's
-stick), `gps_faults`, `failsafe_faults` (triggers of the autopilot's failsafes), `neighbour_faults` (other
-systems on the link), `lidar_faults`, `stream_faults` (the LiDAR's packets and clock), `wind_faults`.
-`BelowHeight` starts one at a height in the descent.
+One family per file: `link_faults` (the companion's link), `autopilot_faults`, `flight_faults` (the pilot's
+stick, triggers of the autopilot's failsafes, wind), `gps_faults`, `neighbour_faults` (other systems on the
+link), `lidar_faults`, `stream_faults` (the LiDAR's packets and clock). `BelowHeight` starts one at a height
+in the descent.
 """
 
 from __future__ import annotations
@@ -14,18 +14,16 @@ import numpy as np
 
 from sitl.faults import (
     autopilot_faults,
-    failsafe_faults,
+    flight_faults,
     gps_faults,
     lidar_faults,
     link_faults,
     neighbour_faults,
-    stick_fault,
     stream_faults,
-    wind_faults,
 )
-from sitl.faults.below_height import BelowHeight
 from sitl.faults.fault import Fault
-from sitl.faults.faulty_wire import FaultyWire
+from sitl.faults.flight_faults import BelowHeight
+from sitl.faults.link_faults import FaultyWire
 
 __all__ = ["AT_HEIGHT", "NAMES", "SIZED", "BelowHeight", "Fault", "FaultyWire", "build", "read"]
 
@@ -43,8 +41,8 @@ _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "estimate_sway": autopilot_faults.EstimateSway,
     "autopilot_held_up": autopilot_faults.ClockStall,
     "pilot_mode": autopilot_faults.PilotMode,
-    "pilot_stick": stick_fault.PilotStick,
-    "gps_loss": failsafe_faults.GpsLoss,
+    "pilot_stick": flight_faults.PilotStick,
+    "gps_loss": flight_faults.GpsLoss,
     "gps_denied": gps_faults.GpsDenial,
     "gps_first_lost": lambda rng: gps_faults.FirstReceiverLoss(),
     "gps_multipath": gps_faults.GpsMultipath,
@@ -52,9 +50,9 @@ _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "gps_spoof": gps_faults.GpsSpoof,
     "gps_takeover": gps_faults.GpsTakeover,
     "yaw_drift": gps_faults.YawDrift,
-    "battery_failsafe": failsafe_faults.BatteryFailsafe,
-    "radio_failsafe": lambda rng: failsafe_faults.RadioFailsafe(),
-    "fence_breach": failsafe_faults.FenceBreach,
+    "battery_failsafe": flight_faults.BatteryFailsafe,
+    "radio_failsafe": lambda rng: flight_faults.RadioFailsafe(),
+    "fence_breach": flight_faults.FenceBreach,
     "second_vehicle": neighbour_faults.SecondVehicle,
     "second_station": neighbour_faults.SecondStation,
     "gimbal": neighbour_faults.Gimbal,
@@ -68,8 +66,8 @@ _BUILDERS: dict[str, Callable[[np.random.Generator], Fault]] = {
     "lidar_clock": lidar_faults.ClockStep,
     "lidar_misaligned": lidar_faults.Misalignment,
     "lidar_dust": lambda rng: lidar_faults.Weather(*lidar_faults.DUST),
-    "wind_missing": lambda rng: wind_faults.WindMissing(),
-    "wind_absurd": lambda rng: wind_faults.WindAbsurd(),
+    "wind_missing": lambda rng: flight_faults.WindMissing(),
+    "wind_absurd": lambda rng: flight_faults.WindAbsurd(),
     "lidar_rain": lambda rng: lidar_faults.Weather(*lidar_faults.RAIN),
     "lidar_plumes": lambda rng: lidar_faults.Weather(None, lidar_faults.PLUMES),
     "lidar_snow": lambda rng: lidar_faults.Weather(None, lidar_faults.SNOW),

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-from sitl.intruders.bouncing_ball import BouncingBall
-from sitl.intruders.crosser import Crosser, Cyclist, Dog, PassingCar, Runner, Walker
-from sitl.intruders.driven_car import DrivenCar
 from sitl.intruders.intruder import HIGHEST_M, Intruder
-from sitl.intruders.swung_jib import SwungJib
+from sitl.intruders.moving_bodies import (
+    BouncingBall,
+    Crosser,
+    Cyclist,
+    Dog,
+    DrivenCar,
+    PassingCar,
+    Runner,
+    SwungJib,
+    Walker,
+)
 
 __all__ = ["HIGHEST_M", "KINDS", "BouncingBall", "Crosser", "DrivenCar", "Intruder", "SwungJib", "read"]
 

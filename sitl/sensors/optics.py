@@ -50,7 +50,7 @@ class Noise:
     row_sigma_m: float = 0.0
     """Standard deviation of the constant range error of each laser."""
     divided: bool = True
-    """Whether an edge divides a beam: returns between two surfaces, second returns, fainter edges."""
+    """True if an edge divides a beam: returns between two surfaces, second returns, fainter edges."""
     particles: Particles | None = None
     """Plumes of dust, rain or snow beside the even, bright specks of `dust`."""
 
@@ -141,7 +141,7 @@ def tilt_at_random(
 
 @dataclass(frozen=True, slots=True)
 class Hits:
-    """What the three ranges of `Echoes` come from, (n,) codes of `sitl.world.hits` each."""
+    """Sources of the three ranges of `Echoes`, (n,) codes of `sitl.world.hits` each."""
 
     strongest: I64
     behind: I64

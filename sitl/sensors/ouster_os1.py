@@ -152,7 +152,7 @@ class Ouster(PulseLidar):
         shape = (*firsts.shape, self._rows)
         returns = [(m.reshape(shape), _reflectivity(m, bright).reshape(shape)) for m, bright in pairs]
         traced = self.is_traced(firsts)
-        valid = True if traced is None else traced  # the others tell nothing of their rays
+        valid = True if traced is None else traced  # the others report no lost rays
         stamps_ns = self.clock.offset_ns + self.fired_ns(firsts)
         return encode_packets(self._layout, firsts[:, 0] // self._rows, COLUMNS, stamps_ns, returns, valid)
 

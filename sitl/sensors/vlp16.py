@@ -47,7 +47,7 @@ class Vlp16(PulseLidar):
         See ``PulseLidar``; by default mounted with its axis forward, so that it looks down and to both sides.
     point_rate_hz
         Pulses per second that are traced into the world; the sensor fires 289 352. The packets of the others
-        are not sent, because they would tell of rays that came to nothing. None traces all.
+        are not sent, because they would report rays without a return. None traces all.
     mode
         Strongest return, last return, or both: the last, and the strongest or second strongest.
     """

@@ -23,7 +23,7 @@ _PER_SIDE = 16
 
 
 class SurfaceClass(IntEnum):
-    """What the top of a place is."""
+    """Surface of the top of a place."""
 
     OUTSIDE = 0
     BARE = 1

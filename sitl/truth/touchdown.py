@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
 import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from sitl.truth.standing_gear import QUADCOPTER, Gear, stances
+from sitl.truth.standing_gear import KINDS, QUADCOPTER, Gear, gear_of, stances
 from sitl.truth.truth import safe_map
 from sitl.world.world import World
 
@@ -15,7 +16,7 @@ UNSAFE_GROUND = "touched unsafe ground"
 
 
 class Footing(NamedTuple):
-    """How the gear stands after a touchdown."""
+    """Pose of the gear after a touchdown."""
 
     tilt_deg: float | None
     """Of the steepest pose in which it can rest; None where it cannot rest."""
@@ -63,3 +64,30 @@ def fault_of(
     faults = [] if ground.safe[0, 0] else [UNSAFE_GROUND]
     gear_fault = footing(world, touchdown, gear, tip_limit_deg).fault
     return "; ".join([*faults, gear_fault] if gear_fault else faults)
+
+
+def add_gear_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options; the defaults are the quadcopter's."""
+    parser.add_argument(
+        "--gear", default="pads", choices=KINDS, help="landing gear by which the truth judges a touchdown"
+    )
+    parser.add_argument("--gear-length", type=float, default=0.57, help="front to rear pads, or of a skid, m")
+    parser.add_argument("--gear-width", type=float, default=0.57, help="left to right pads or skids, m")
+    parser.add_argument("--pad-radius", type=float, default=0.03, help="of a pad or skid, m")
+    parser.add_argument("--clearance", type=float, default=0.3, help="of the belly over the gear's plane, m")
+    parser.add_argument(
+        "--rotor-diameter", type=float, default=0.9, help="it crashes where its disc meets something, m"
+    )
+    parser.add_argument(
+        "--rotor-height", type=float, default=0.3, help="of that disc over the gear's plane, m"
+    )
+    parser.add_argument(
+        "--tip-limit", type=float, default=TIP_LIMIT_DEG, help="a landed vehicle must tilt no more, degrees"
+    )
+
+
+def chosen_gear(options: argparse.Namespace) -> Gear:
+    """Return the gear of parsed options."""
+    return gear_of(
+        options.gear, options.gear_length, options.gear_width, options.pad_radius, options.clearance
+    )

@@ -173,7 +173,7 @@ class World:
 
     @property
     def has_layers(self) -> bool:
-        """Whether a beam may meet water, a wet surface, plants or snow: see `cross`."""
+        """True if a beam may meet water, a wet surface, plants or snow: see `cross`."""
         return self._has_layers
 
     @property

@@ -89,7 +89,7 @@ class SeenAir:
         tangents
             (slopes,) of the corridors, infinite for straight up.
         shape
-            Radius, spread and height of what flies (`slz.kernels.air.swept_disc`), and reach.
+            Radius, spread and height of what flies (`slz.kernels.air.seen_columns`), and reach.
         blocked
             (bearings, slopes) of the corridors that are known to be blocked: nothing else matters there.
         """

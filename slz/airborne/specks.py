@@ -1,4 +1,4 @@
-"""Specks: returns of airborne particles (dust, rain, snow, insects), told from objects by each scan's rays.
+"""Specks: returns of airborne particles (dust, rain, snow, insects), recognised by each scan's rays.
 
 A wire or wall returns again at the same place; a speck does not. A return is judged by the rays of its own
 scan and of those before and after it that passed through a ball around it: it is a speck as soon as the
@@ -39,7 +39,7 @@ Floats = NDArray[np.float64]
 
 
 class ReturnKind(IntEnum):
-    """What a return is of."""
+    """Source of a return."""
 
     OBJECT = _OBJECT
     UNDECIDED = _UNDECIDED

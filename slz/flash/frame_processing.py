@@ -3,18 +3,90 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import Enum
 from functools import cache
 from typing import Literal
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from slz.flash.camera import FlashCamera, FlashFrame
-from slz.flash.median_filter import median_of_neighbours
 from slz.flash.ranging import RangeImage, likely_ranges, polynomial_ranges
-from slz.flash.triage import Triage, triage
+from slz.kernels.instruments.waveform import GOOD, MISSING, SATURATED
 
 F64 = NDArray[np.float64]
+
+
+def median_of_neighbours(image: F64) -> F64:
+    """Return the median of the known pixels among 9, 6 at edges and 4 at corners (Flash paper, Eq. (1)).
+
+    Where no more than half of them are known, the result is NaN: a hole is not filled from its rim.
+    """
+    windows = np.sort(_windows(image, np.nan), axis=-1)  # what is missing comes last
+    known = 9 - np.isnan(windows).sum(axis=-1, keepdims=True)
+    low, high = (np.take_along_axis(windows, k, axis=-1)[..., 0] for k in ((known - 1) // 2, known // 2))
+    present = _windows(np.ones(image.shape), 0.0).sum(axis=-1)
+    return np.where(2 * known[..., 0] > present, 0.5 * (low + high), np.nan)
+
+
+def _windows(image: F64, beyond: float) -> F64:
+    """Return (rows, cols, 9) the neighbourhood of each pixel, with one value for all beyond the image."""
+    padded = np.pad(image, 1, constant_values=beyond)
+    return sliding_window_view(padded, (3, 3)).reshape(*image.shape, 9)
+
+
+FULL = 0.95
+"""Share of GOOD pixels, "close to 100 %", from which a frame is whole."""
+LIMIT = (0.5, 0.7)
+"""Shares of GOOD pixels of a frame at the limit of detection."""
+MOST_SATURATED = 0.2
+
+
+class Quality(Enum):
+    """Quality of a frame. Only WHOLE and PARTIAL frames are mapped."""
+
+    WHOLE = "whole"
+    PARTIAL = "partial"
+    LIMIT = "at the limit of detection"
+    SATURATED = "saturated"
+    EMPTY = "empty"
+
+
+@dataclass(frozen=True, slots=True)
+class Triage:
+    """Quality of a frame, with the shares of its pixels that gave a return and that were saturated."""
+
+    quality: Quality
+    returned: float
+    saturated: float
+
+    @property
+    def usable(self) -> bool:
+        """True if the ranges of the frame are mapped."""
+        return self.quality in (Quality.WHOLE, Quality.PARTIAL)
+
+
+def triage(image: RangeImage) -> Triage:
+    """Classify a frame by its shares of GOOD and of saturated pixels.
+
+    Between 70 and 95 % the frame is partial, a case that the source does not name: its returns are used, and
+    the rest stays unknown. Below 50 % noise triggers too large a share of the returns.
+    """
+    returned = float(np.mean(image.state != MISSING))
+    saturated = float(np.mean(image.state == SATURATED))
+    good = float(np.mean(image.state == GOOD))
+    if saturated > MOST_SATURATED:
+        quality = Quality.SATURATED
+    elif good < LIMIT[0]:
+        quality = Quality.EMPTY
+    elif good <= LIMIT[1]:
+        quality = Quality.LIMIT
+    else:
+        quality = Quality.WHOLE if good >= FULL else Quality.PARTIAL
+    return Triage(quality, returned, saturated)
+
+
 Estimator = Literal["likely", "polynomial"]
 PARTED = 4.0  # standard errors, and
 PARTED_M = 0.5  # metres by which a pixel may differ from the median around it; the greater one

@@ -24,7 +24,6 @@ Array5D = Annotated[NDArray[Element], "{}[:, :, :, :, ::1]"]
 Strided1D = Annotated[NDArray[Element], "{}[:]"]
 Strided2D = Annotated[NDArray[Element], "{}[:, :]"]
 Strided3D = Annotated[NDArray[Element], "{}[:, :, :]"]
-Strided5D = Annotated[NDArray[Element], "{}[:, :, :, :, :]"]
 
 ReadOnly1D = Annotated[NDArray[Element], "Array({}, 1, 'C', readonly=True)"]
 ReadOnly2D = Annotated[NDArray[Element], "Array({}, 2, 'C', readonly=True)"]

@@ -36,7 +36,7 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class HelicopterAreas:
-    """Which areas of a vehicle of dimension D fit around a point.
+    """Areas of a vehicle of dimension D that fit around a point.
 
     tlof, fato, safety_area: why the area does not fit, in words; "" where it does.
     """

@@ -11,10 +11,40 @@ from scipy import ndimage
 
 from params import Parameters
 from slz.grid import Box
-from slz.landing_point.height_patch import HeightPatch, highest_around
 from slz.terrain.terrain_view import TerrainView
 
-AROUND_M = 4.0  # of ground beyond what is watched, by which a shift of all heights is told
+Heights = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HeightPatch:
+    """Read-only square cells around a place; row 0 is the southernmost.
+
+    top_m: (rows, cols) float32, highest of what stands in the cell and those around, or of the ground, up in
+    the map frame; NaN where unknown. even: (rows, cols), known cells among which nothing stands.
+    """
+
+    west_m: float
+    south_m: float
+    cell_m: float
+    top_m: Heights
+    even: NDArray[np.bool_]
+
+
+def highest_around(ground_m: Heights, top_m: Heights, relief_m: float) -> tuple[Heights, NDArray[np.bool_]]:
+    """Return the highest top of 3 x 3 cells, NaN where unknown, and the known cells that are even.
+
+    An edge is not certain to within a cell. Even are 3 x 3 cells whose ground and tops differ by less than
+    `relief_m`.
+    """
+    known = np.isfinite(ground_m)
+    high = ndimage.maximum_filter(np.where(np.isfinite(top_m), top_m, -np.inf), size=3, mode="nearest")
+    low = ndimage.minimum_filter(np.where(known, ground_m, np.inf), size=3, mode="nearest")
+    tops = np.where(np.isfinite(high), high, np.nan).astype(np.float32)
+    return tops, known & (high - low < relief_m)
+
+
+AROUND_M = 4.0  # width of the ground beyond what is watched, from which a shift of all heights is estimated
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

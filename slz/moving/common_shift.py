@@ -1,4 +1,4 @@
-"""Shift and tilt of all ground since the map was made: by navigation, or by a mount that is told wrong."""
+"""Shift and tilt of all ground since the map was made: an error of navigation or of the configured mount."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.kernels.points.over_patch import over_patch
-from slz.landing_point.height_patch import HeightPatch
+from slz.landing_point.watched_ground import HeightPatch
 from slz.points.registration import FEWEST_SPREAD_M, MOST_TILT_RAD, median, robust_plane, wide_axes
 
 FEWEST_CELLS = 30  # of even ground that determine a shift

@@ -1,4 +1,4 @@
-"""Intrusions onto the selected point, told by the scan that shows them.
+"""Intrusions onto the selected point, reported with the scan that shows them.
 
 A window becomes a map when it is over, half a second to two seconds after its first return. A car is on the
 point in that time. Every scan is therefore compared with the ground that the last window left there.
@@ -59,8 +59,8 @@ class Intrusions:
     A return is one of an intruder if it is higher over the map's ground or objects than an obstacle's least
     height and noise explain, within footprint and touchdown error of the point; within rotor and tail, if it
     reaches up to these. Height and tilt of all ground may have shifted since the window: the plane of the
-    even cells around what is watched is taken off, each told by its lowest return. Five returns within 0.6 m
-    and 0.3 s are an intruder, as many as outlier removal asks of a group. Near the sensor, where rain, dust
+    even cells around what is watched is taken off, each at its lowest return. Five returns within 0.6 m and
+    0.3 s are an intruder, as many as outlier removal asks of a group. Near the sensor, where rain, dust
     and snow are dense, it takes as many as an object of `OBJECT_M2` would return (`slz.points.outliers`).
     """
 

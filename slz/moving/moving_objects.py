@@ -9,8 +9,7 @@ import numpy as np
 from slz.frame import LocalFrame
 from slz.landing_point.local_heights import Nearby
 from slz.moving.groups import groups
-from slz.moving.raised_returns import Ground, RaisedReturns, raised_returns
-from slz.moving.recent_ground import RecentGround
+from slz.moving.raised_returns import Ground, RaisedReturns, RecentGround, raised_returns
 from slz.moving.tracks import MovingObject, Tracks
 from slz.window import Scan
 

@@ -18,12 +18,12 @@ from scipy.optimize import linear_sum_assignment
 from slz.moving.groups import Group
 
 PLACE_M = 0.12, 0.25  # standard deviation of a group's middle: returns show one side, then another
-OF_RADIUS = 0.35  # the same, of the radius
+OF_RADIUS = 0.35  # standard deviation of a group's middle, share of its radius
 PUSH_MS2 = 1.5  # of accelerations: walkers turn, cars brake
 FASTEST_MS = 15.0  # standard deviation of the speed of a new object, and bound of its gate
 GATE_SIGMAS, LEAST_GATE_M = 3.0, 0.6
 LOST_NS = 600_000_000  # without a group
-SURE_HITS, SURE_NS = 3, 150_000_000  # from which a track tells whether it moves
+SURE_HITS, SURE_NS = 3, 150_000_000  # groups and age from which a track is moving or standing
 LEAST_MS = 0.4  # slower is standing: a tree in the wind, or noise
 SURE_SIGMAS = 1.6  # of the speed
 LEAST_RADIUS_M = 0.2

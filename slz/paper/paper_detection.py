@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Box
+from slz.kernels.array_memory import demand_zeros
 from slz.kernels.paper.zone_search import N_BOUNDARY, search_zones
-from slz.kernels.raster.square_erosion import erode
+from slz.kernels.raster.morphology import erode
 from slz.paper.paper_terrain import PaperTerrain
-from slz.terrain.demand_zero import demand_zeros
 
 Bits = NDArray[np.uint64]
 LEAST_TRACE = 4096  # boundary cells that fit at least

@@ -17,8 +17,7 @@ from slz.landing_point.obstacles import Obstacle
 from slz.landing_point.surroundings import horizon_towards
 from slz.paper.paper_detection import PaperDetection, Part
 from slz.paper.paper_report import Deferred, PaperZone
-from slz.paper.paper_terrain import PaperTerrain
-from slz.paper.snapshots import Blocks, heights_at, joined
+from slz.paper.paper_terrain import Blocks, PaperTerrain, heights_at, joined
 from slz.zone import LandingPoint, Zone
 from slz.zones.description import obstacles_of
 from slz.zones.tile_view import TileView

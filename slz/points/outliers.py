@@ -6,12 +6,41 @@ SLZ thesis, section 3.3.1.1): see `slz.kernels.paper.height_gate`.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from params import Parameters
+from slz.frame import is_known
 from slz.kernels.points.histogram import gaps_of
+from slz.kernels.points.range_gate import within_reach
 from slz.kernels.points.voxel_density_filter import is_supported
+
+Points = NDArray[np.float64]
+
+
+def reach_m(parameters: Parameters) -> float:
+    """Return the horizontal distance from the sensor up to which returns are mapped (m).
+
+    An error of a ray's direction moves its return up or down by that angle times the horizontal distance.
+    Beyond the distance where this exceeds `height_noise_m`, noise alone would use up the relief limit; such
+    ground stays unknown until the vehicle is nearer. The sources have no such rule.
+    """
+    p = parameters
+    if p.mode == "source" or p.angle_noise_deg == 0:
+        return p.max_range_m
+    allowed = max(0.0, p.height_noise_m**2 - p.range_noise_m**2) ** 0.5
+    return float(min(p.max_range_m, allowed / math.radians(p.angle_noise_deg)))
+
+
+def within(points_enu_m: Points, sensor_enu_m: Points, reach_m: float) -> NDArray[np.bool_]:
+    """Return the mask of the points within a horizontal range; all where the sensor's place is unknown."""
+    if not is_known(sensor_enu_m[:2]):
+        return np.ones(len(points_enu_m), bool)
+    return within_reach(points_enu_m, sensor_enu_m, reach_m**2)
+
 
 LEAST_SUPPORT = 2
 OBJECT_M2 = 0.005  # 5 x 10 cm: the smallest object that must not be removed as dust

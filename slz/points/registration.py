@@ -47,7 +47,7 @@ def offset(ground: SolidGround, sensor_enu_m: NDArray[np.float64], most_m: float
 
     It is zero where too little solid ground is below: navigation alone is better than a registration to
     plants. A tilt is fitted along the principal axes of the ground that are long enough, so that a road
-    through a field tells the tilt along it.
+    through a field determines the tilt along it.
 
     Parameters
     ----------

@@ -22,7 +22,7 @@ Scans = NDArray[np.uint16]
 MOST_SPANS = 40  # of a window; more scans are taken together
 PER_SPAN = 200  # returns compared with the map: their mean is better than two millimetres
 FEWEST_RETURNS = 60
-KNOWN_SHARE = 0.5  # of a span's returns over solid ground, from which on its tilt is told
+KNOWN_SHARE = 0.5  # share of a span's returns over solid ground from which its tilt is estimated
 AGREE_SHARE = 0.5  # of them, that agree with the fit
 LEAST_M = 0.01  # standard deviation of the spans' heights that is no noise
 LEAST_VIEW_M = 1.0  # standard deviation of the places; a line or a narrow view may be filled by an object
@@ -88,18 +88,18 @@ def sway(
     offsets = np.zeros((n, 3))
     found, span, known = _compared(points_enu_m, used, scan, of_scan, n, tiles, ground)
     ends = np.searchsorted(span, np.arange(n + 1))
-    told = np.flatnonzero(np.diff(ends) >= FEWEST_RETURNS)
-    heights = [median(found[ends[k] : ends[k + 1], 2]) for k in told]
-    if len(told) < 2 or np.std(heights) < LEAST_M:
+    usable = np.flatnonzero(np.diff(ends) >= FEWEST_RETURNS)
+    heights = [median(found[ends[k] : ends[k + 1], 2]) for k in usable]
+    if len(usable) < 2 or np.std(heights) < LEAST_M:
         return Sway(offsets, origins, of_scan)
     good = []
-    for k in told:
+    for k in usable:
         own = found[ends[k] : ends[k + 1]]
         places = own[:, :2] - origins[k, :2]
         if not np.isfinite(places).all() or wide_axes(places, LEAST_VIEW_M).shape[1] < 2:
             continue  # the sensor's position is unknown, or an object may fill the view
-        tells = known[k] >= KNOWN_SHARE and wide_axes(places, FEWEST_SPREAD_M).shape[1] == 2
-        offset, share = robust_plane(places, own[:, 2], BOTH if tells else NEITHER, ROUNDS)
+        is_tilted = known[k] >= KNOWN_SHARE and wide_axes(places, FEWEST_SPREAD_M).shape[1] == 2
+        offset, share = robust_plane(places, own[:, 2], BOTH if is_tilted else NEITHER, ROUNDS)
         if share >= AGREE_SHARE and abs(offset[0]) <= MOST_M and np.hypot(*offset[1:]) <= MOST_TILT_RAD:
             offsets[k] = offset
             good.append(k)

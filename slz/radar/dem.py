@@ -19,9 +19,8 @@ from slz.kernels.instruments.dem_fusion import (
     fuse_cells,
 )
 from slz.radar.heights import LEAST_COHERENCE, Heights, heights
-from slz.radar.interferogram import interferogram
+from slz.radar.interferogram import RadarLines, interferogram
 from slz.radar.interferometer import Interferometer
-from slz.radar.line_buffer import RadarLines
 
 F64 = NDArray[np.float64]
 MOST_SIGMA_M = 0.25

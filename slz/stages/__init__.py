@@ -1,6 +1,6 @@
 """Stages of the default method, one file each, in the order in which a window passes them.
 
-`BELIEF` tells which returns of a window to believe, `METHOD` what the ground below them is and where to
+`BELIEF` selects the credible returns of a window; `METHOD` maps the ground below them and finds where to
 land. What a stage reads and sets are names: of flags of returns (`slz.window_returns.Flag`) in capitals, of
 their `places`, and of parts of the ground (`slz.map_ground.Ground`).
 """
@@ -10,19 +10,24 @@ from __future__ import annotations
 from params import Parameters
 from slz.lanes import Stage, unmet
 from slz.map_ground import Ground
-from slz.stages.arrivals_stage import ArrivalStage
-from slz.stages.corridors_stage import CorridorStage
-from slz.stages.evidence_stage import FarEvidence, NearEvidence
-from slz.stages.isolation_stage import Isolation
-from slz.stages.prior_stage import PriorStage
-from slz.stages.raised_stage import Raised
-from slz.stages.range_gate_stage import RangeGate
-from slz.stages.registration_stage import Registration
-from slz.stages.resolution_stage import Resolution
-from slz.stages.seen_air_stage import SeenAirStage
-from slz.stages.surface_stage import SurfaceStage
-from slz.stages.wires_stage import WireStage
-from slz.stages.zones_stage import ZoneStage
+from slz.stages.map_stages import (
+    CorridorStage,
+    FarEvidence,
+    NearEvidence,
+    PriorStage,
+    Resolution,
+    SurfaceStage,
+    ZoneStage,
+)
+from slz.stages.point_stages import (
+    ArrivalStage,
+    Isolation,
+    Raised,
+    RangeGate,
+    Registration,
+    SeenAirStage,
+    WireStage,
+)
 
 BELIEF: tuple[Stage[Parameters], ...] = (RangeGate(), Isolation())
 METHOD: tuple[Stage[Ground], ...] = (

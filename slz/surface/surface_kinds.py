@@ -8,7 +8,7 @@ from enum import IntEnum
 
 
 class SurfaceKind(IntEnum):
-    """What the ground is made of, as far as its returns tell."""
+    """Material of the ground as classified from its returns."""
 
     UNKNOWN = 0
     BARE = 1
@@ -35,7 +35,7 @@ WORDS = {
 
 @dataclass(frozen=True, slots=True)
 class SurfaceHere:
-    """What the ground at a place is.
+    """Surface at a place.
 
     probability: of the kind. water: highest probability of water there. raised_m: of a roof, over the ground
     around it.

@@ -16,9 +16,8 @@ from slz.kernels.cells.cell_record import TILE
 from slz.kernels.surface.add_returns import add_lost, add_returns
 from slz.kernels.surface.surface_pool import claim, gather, median_height, read, read_refused, store
 from slz.kernels.surface.surface_record import LAYERS, N_LAYERS, RECORD, SURFACE_FIELDS
-from slz.surface.classification import classify
+from slz.surface.classification import SurfaceLayers, classify, refused_kinds
 from slz.surface.surface_kinds import SurfaceHere
-from slz.surface.surface_probabilities import SurfaceLayers, refused_kinds
 
 Points = NDArray[np.float64]
 CELL_M = 1.0  # least side of a surface cell
@@ -65,7 +64,7 @@ NO_SIGNAL = Signal(
 
 
 class SurfaceMap:
-    """What the ground is, in cells of about a metre that near cells divide evenly.
+    """Surface classes in cells of about a metre that near cells divide evenly.
 
     Parameters
     ----------

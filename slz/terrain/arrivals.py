@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.special import betaincinv
 
 from params import Parameters
-from slz.kernels.air.column_record import (
+from slz.kernels.air.passing_rays import (
     BASE,
     BASE_EAST,
     CAME,
@@ -36,8 +36,10 @@ from slz.kernels.air.column_record import (
     ROW,
     TOP,
     TOP_EAST,
+    count_passing,
+    index_of,
+    passed,
 )
-from slz.kernels.air.passing_rays import count_passing, index_of, passed
 from slz.kernels.air.standing_columns import join, stand_around
 
 SAME_M = 0.7  # over what stands in a column, up to which an isolated return may be its

@@ -35,7 +35,7 @@ class Footing:
 
     @property
     def is_judged(self) -> bool:
-        """Whether a map judged it, instead of one without evidence of cells."""
+        """True if a map with evidence of cells judged it."""
         return not math.isnan(self.unseen)
 
 

@@ -29,10 +29,9 @@ from numpy.typing import NDArray
 from params import Parameters
 from slz.grid import Box, Edges, Grid
 from slz.kernels.cells.cell_record import TILE
-from slz.kernels.cells.cell_statistics import summary
+from slz.kernels.cells.cell_statistics import raise_tops, summary
 from slz.kernels.cells.tile_boxes import blocks_around, or_boxes, or_hits, or_points, regions
 from slz.kernels.footprint.patch import rows_of_patch
-from slz.kernels.lines.wire_tops import raise_tops
 from slz.kernels.points.clutter import put_onto
 from slz.kernels.raster.bitmap import ALL, Bits
 from slz.kernels.raster.horizon import horizon_of_tiles
@@ -46,7 +45,7 @@ from slz.terrain.terrain_view import UnboundedTerrain, cells_within
 from slz.terrain.thin_objects import ThinObjects
 from slz.terrain.tiled_raster import Pools, TiledLayers
 from slz.terrain.tiles import SERIALS, Boxes, Change, Hits, Noise, Tiles, no_boxes
-from slz.tile_keys import Key, boxes_of_tiles
+from slz.tile_slots import Key, boxes_of_tiles
 
 AGEING = 0.1  # share of `max_age_s` for which a cell that became too old may still be shown
 PATIENCE = 0.7  # share of that time before which no tile is derived again for its age
@@ -59,7 +58,7 @@ State = NDArray[np.uint8]
 
 
 class Surface(Protocol):
-    """What the ground is, and where that refuses it, whatever its shape."""
+    """Surface classes, and the cells that they refuse whatever their shape."""
 
     def refused(
         self, west_m: float, south_m: float, cell_m: float, rows: int, cols: int

@@ -22,8 +22,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.points.isolated_record import FATE, ISOLATED_FIELDS, LEVEL_GROUND, UP
 from slz.kernels.points.isolated_returns import BINS, MOST, joined, judge, outcome, place
+from slz.kernels.points.nearest_others import FATE, ISOLATED_FIELDS, LEVEL_GROUND, UP
 from slz.kernels.points.voxel_density_filter import is_supported
 from slz.terrain.tiles import Tiles
 

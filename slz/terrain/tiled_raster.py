@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Box
+from slz.kernels.array_memory import demand_zeros, prefault_range
 from slz.kernels.cells.cell_record import TILE
 from slz.kernels.cells.tile_boxes import (
     copy_bits,
@@ -23,12 +24,10 @@ from slz.kernels.footprint.derive_maps import add_altered, derive_tiles
 from slz.kernels.footprint.patch import COLS
 from slz.kernels.raster.bitmap import NONE, Bits
 from slz.kernels.raster.morphology import dilated
-from slz.terrain.demand_zero import demand_zeros, prefault_range
 from slz.terrain.derive import CoveredCells
 from slz.terrain.terrain_maps import UNKNOWN
 from slz.terrain.tiles import SERIALS
-from slz.tile_keys import Key, keys_over
-from slz.tile_slots import TileStore
+from slz.tile_slots import Key, TileStore, keys_over
 
 FEWEST_TILES, MOST_TILES = 64, 8192  # slots of the first pools
 NO_VERSION = -1  # version of a tile that is not held
@@ -38,7 +37,7 @@ Table = NDArray[np.int32]
 
 
 class Pools(NamedTuple):
-    """What the tiles hold, by slot: (slots, layers, TILE, TILE) and (slots, 1, TILE, TILE).
+    """Contents of the tiles by slot: (slots, layers, TILE, TILE) and (slots, 1, TILE, TILE).
 
     bits: (slots, 3, TILE) of the cells that were `KNOWN`, and of the footprints that were `COVERED` and
     `CLEAR` of unseen ground, when they were derived last. levels: (slots, TILE / 2, TILE / COLS), see

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slz.grid import Box
+from slz.kernels.array_memory import prefault_range
 from slz.kernels.cells.accumulate import (
     accumulate,
     cells_of,
@@ -24,9 +25,7 @@ from slz.kernels.cells.cell_record import COUNT, FIELDS, TILE, TIME
 from slz.kernels.cells.cell_statistics import stretches, summarise
 from slz.kernels.cells.resolution_pyramid import coarse_evidence
 from slz.kernels.points.clutter import ground_and_rays
-from slz.terrain.demand_zero import prefault_range
-from slz.tile_keys import Key, boxes_of_tiles, keys_over, tiles_over
-from slz.tile_slots import TileStore
+from slz.tile_slots import Key, TileStore, boxes_of_tiles, keys_over, tiles_over
 
 TILE_BYTES = TILE * TILE * 2 * FIELDS * 4
 LINE_BYTES = 64  # of a cache line; the size of a cell's evidence

@@ -25,12 +25,15 @@ from slz.kernels.lines.voxel_occupancy import (
     floor_below,
     vacate,
 )
-from slz.wires.sagging_curve import SaggingCurve
+from slz.wires.detected_wire import SaggingCurve
 
 EPOCH_S = 10.0
 EPOCHS, KEPT = 250, 13  # after `EPOCHS` all is forgotten; `KEPT` are looked at
 BELOW_SENSOR_M = 3.0  # from which a return may be ground that was not seen yet
-UNDER_M, FEWEST_BELOW = 3.0, 50  # distance from the sensor over ground, and returns, that tell what is below
+UNDER_M, FEWEST_BELOW = (
+    3.0,
+    50,
+)  # distance over ground from the sensor, and returns, that show the ground
 FENCE_M = 2.5  # over the floor, or the ground below the sensor where no floor is known: lower is no wire
 HIGH_SHARE = 0.8  # least share of the places of a curve that are high over the floor
 LOOKED_AT = 0.1  # least share of the air below a curve
@@ -57,7 +60,7 @@ class Surrounding:
 
     @property
     def below_is_seen(self) -> bool:
-        """Whether air below the curve was looked at."""
+        """True if the air below the curve was observed."""
         return bool(self.seen_below >= LOOKED_AT * self.above[slice(*DOWN)].sum())
 
 

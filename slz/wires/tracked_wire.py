@@ -5,13 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.lines.candidate_record import SENSOR, SIGMA, UP
 from slz.kernels.lines.curve_fit import GAP_M, GATES
-from slz.kernels.lines.line_votes import rays_past
-from slz.wires.detected_wire import Wire
+from slz.kernels.lines.line_votes import SENSOR, SIGMA, UP, rays_past
+from slz.wires.detected_wire import SaggingCurve, Wire, fit_curve
 from slz.wires.line_search import MOST_MISFIT, Found, is_explained
 from slz.wires.occupied_air import OccupiedAir, Rows
-from slz.wires.sagging_curve import SaggingCurve, fit_curve
 
 MOST_RETURNS = 400  # kept for the fit
 EXTENSION, MOST_EXTENSION_M = 0.5, 100.0  # of the length seen, beyond each end
@@ -141,7 +139,7 @@ class TrackedWire:
 
     @property
     def is_contradicted(self) -> bool:
-        """Whether rays that passed since its last return would have brought many more."""
+        """True if rays that passed since its last return would have brought many more."""
         return self._rays_since * self._hits / self._rays > CONTRADICTED
 
     def wire(self, datum_m: float) -> Wire:

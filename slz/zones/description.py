@@ -10,18 +10,81 @@ from numpy.typing import NDArray
 
 from params import Parameters
 from slz.grid import Box, Grid
+from slz.kernels.footprint.classify import A_CERTAINTY, A_ROUGHNESS, A_SLOPE
 from slz.kernels.raster.bitmap import Bits
 from slz.kernels.raster.distance_transform import greatest_clearance
-from slz.kernels.raster.zonal_sums import common
+from slz.kernels.raster.zonal_sums import ZONAL_STATISTICS, common, zonal_sums, zonal_sums_of_tiles
 from slz.kernels.raster.zone_views import heights_at, zone_obstacles
 from slz.landing_point.obstacles import Obstacles
+from slz.terrain.terrain_maps import SAFE, UNSAFE
 from slz.terrain.terrain_view import TerrainView
 from slz.zone import Zone
 from slz.zones.best_point import best_point
-from slz.zones.boundary_points import without_collinear
 from slz.zones.detection import Candidate
+from slz.zones.polygonise import without_collinear
 from slz.zones.tile_view import TileView
-from slz.zones.zonal_statistics import NO_TILES, ZonalStatistics, zonal_statistics_of
+
+STRIP = 64  # rows summed at a time, so that their maps stay in the cache
+PLACES = A_CERTAINTY, A_SLOPE, A_ROUGHNESS
+NO_TILES, NO_BITS = (np.empty((0, 0), np.int64), np.empty((0, 0), bool)), np.empty((0, 0), np.uint64)
+NOTHING_KNOWN = NO_TILES[0], NO_BITS, NO_BITS, np.empty((0, 0, ZONAL_STATISTICS)), NO_BITS
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ZonalStatistics:
+    """Zonal statistics of a zone.
+
+    totals: statistics as in `zonal_sums`, the sums of `parts`, (rows, columns, statistics). holes: unsafe
+    cells inside the contour. versions: of the tiles, (rows, columns). same: tiles in which neither the zone
+    nor the map changed. unchanged: whether no tile that the zone touches did.
+    """
+
+    totals: NDArray[np.float64]
+    holes: Bits
+    parts: NDArray[np.float64]
+    versions: NDArray[np.int64]
+    same: NDArray[np.bool_]
+    unchanged: bool = False
+
+
+def zonal_statistics_of(
+    candidate: Candidate,
+    terrain: TerrainView,
+    view: TileView | None,
+    before: tuple[Candidate, ZonalStatistics] | None = None,
+) -> ZonalStatistics:
+    """Return the zonal statistics of a candidate; those of unchanged tiles come from before.
+
+    Sums are taken per tile first, then over all tiles, so they do not depend on what was cached.
+    """
+    own, content, wide = candidate.own_bits, candidate.content_bits, candidate.words_box
+    if view is not None:
+        tiles, down, right, known = view.tiles_under(wide), 0, 0, NOTHING_KNOWN
+        if before is not None:
+            old, found = before
+            down, right = wide.row0 - old.words_box.row0, (wide.col0 - old.words_box.col0) // 64
+            known = found.versions, old.own_bits, old.content_bits, found.parts, found.holes
+        versions = view.versions[tiles]
+        maps = view.layers, view.states, view.table[tiles], versions, PLACES, SAFE, UNSAFE
+        total, holes, parts, same, unchanged = zonal_sums_of_tiles(
+            *maps, wide.row0 - view.row0, own, content, down, right, *known
+        )
+        return ZonalStatistics(total, holes, parts, versions, same, unchanged)
+    starts, holes = range(0, len(content), STRIP), np.zeros_like(content)
+    parts = np.zeros((len(starts), 1, ZONAL_STATISTICS))
+    for part, row in enumerate(starts):
+        rows = slice(row, min(row + STRIP, len(content)))
+        held = np.flatnonzero(content[rows].any(axis=0))
+        words = slice(int(held[0]), int(held[-1]) + 1)
+        west, south = wide.col0 + 64 * words.start, wide.row0 + row
+        box = Box(south, wide.row0 + rows.stop, west, wide.col0 + 64 * words.stop)
+        certainty, slope = terrain.layer("certainty", box), terrain.layer("slope_deg", box)
+        zonal_sums(
+            own[rows, words], content[rows, words], terrain.state(box), SAFE, UNSAFE,
+            certainty, slope, terrain.layer("roughness", box), parts[part, 0], holes[rows, words],
+        )  # fmt: skip
+    return ZonalStatistics(parts.reshape(-1, ZONAL_STATISTICS).sum(axis=0), holes, parts, *NO_TILES)
+
 
 MOST_OBSTACLES = 200
 AROUND = 3  # cells around an obstacle whose ground its height refers to
@@ -32,16 +95,15 @@ NO_GROUPS, NO_CELLS = (np.empty((0, 6), np.int64), np.empty(0)), np.empty((0, 3)
 class Content:
     """Map contents of a zone, independent of the vehicle, valid while the maps are unchanged.
 
-    All heights are over the terrain's datum, which may drift. cells: of the candidate. corners_m: heights at
-    the corners. grounds: of the obstacles' groups, as in
-    `zone_obstacles`. farthest: `greatest_clearance` of the zone's cells.
+    All heights are over the terrain's datum, which may drift. cells: of the candidate. corners_enu_m: (m, 3).
+    grounds: of the obstacles' groups, as in `zone_obstacles`. farthest: `greatest_clearance` of the zone's
+    cells.
     """
 
     candidate: Candidate
     cells: NDArray[np.uint8]
     statistics: ZonalStatistics
-    corners: NDArray[np.int32]
-    corners_m: NDArray[np.float32]
+    corners_enu_m: NDArray[np.float64]
     obstacles: Obstacles
     grounds: tuple[NDArray[np.int64], NDArray[np.float64]]
     farthest: NDArray[np.int64]
@@ -81,8 +143,7 @@ class Content:
             candidate=candidate,
             cells=cells,
             statistics=statistics,
-            corners=corners,
-            corners_m=heights_at(*heights[:5], corners),
+            corners_enu_m=np.column_stack([grid.centres(corners), heights_at(*heights[:5], corners)]),
             obstacles=obstacles,
             grounds=grounds,
             farthest=farthest,
@@ -122,10 +183,12 @@ def describe(
     grid, candidate, datum_m = terrain.grid, content.candidate, 0.0 if view is None else view.datum_m
     n_own, n_all = (common(bits, bits, 0, 0) for bits in (candidate.own_bits, candidate.content_bits))
     n_safe, n_unsafe, sure, slopes, n_slopes, roughs, n_roughs = content.statistics.totals.tolist()
-    height = content.corners_m + np.float32(datum_m)
-    known = np.isfinite(height)
-    if not known.all():  # unknown heights get the mean of the known ones
+    corners_enu_m = content.corners_enu_m.copy()
+    height = corners_enu_m[:, 2].astype(np.float32) + np.float32(datum_m)
+    if not np.isfinite(height.sum()):  # unknown heights get the mean of the known ones
+        known = np.isfinite(height)
         height = np.where(known, height, height[known].mean() if known.any() else 0.0)
+    corners_enu_m[:, 2] = height
     return Zone(
         id=zone_id,
         box=candidate.box,
@@ -138,7 +201,7 @@ def describe(
         slope_deg=slopes / n_slopes if n_slopes else math.nan,
         roughness=roughs / n_roughs if n_roughs else math.nan,
         boundary_cells=candidate.boundary_cells,
-        corners_enu_m=np.column_stack([grid.centres(content.corners), height]),
+        corners_enu_m=corners_enu_m,
         obstacles=content.obstacles.over(datum_m),
         best=best_point(candidate, content.farthest, terrain, view, sensor_enu_m, parameters),
     )

@@ -14,8 +14,8 @@ from slz.kernels.polygons.boundary_tracing import trace_boundary
 from slz.kernels.raster.bitmap import Bits, packed, unpacked
 from slz.kernels.raster.connected_components import components, put_without_small_parts
 from slz.kernels.raster.distance_transform import largest_square
+from slz.kernels.raster.morphology import erode_to_side
 from slz.kernels.raster.region_fill import fill
-from slz.kernels.raster.square_erosion import erode_to_side
 
 LEAST_TRACE = 4096  # boundary cells that fit at least
 SMALL_PART = 9  # cells, below which a part of a zone that touches the rest at a corner only is left out

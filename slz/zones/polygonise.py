@@ -8,8 +8,23 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from slz.kernels.polygons.cell_rings import boundary_rings
+from slz.kernels.polygons.boundary_tracing import boundary_rings, corner_indices
 from slz.kernels.polygons.inner_simplification import simplify_inside
+
+
+def without_collinear(boundary_cells: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Drop points between two neighbours in the same row or the same column (SLZ paper, Algorithm 2).
+
+    The algorithm as printed also loses corners where a run in x meets a diagonal. Here a point is dropped
+    only between two neighbours of its row, or of its column, so the polygon is unchanged.
+
+    Parameters
+    ----------
+    boundary_cells
+        (n, 2) rows and columns of a closed contour.
+    """
+    return boundary_cells[corner_indices(np.ascontiguousarray(boundary_cells, np.int32))]
+
 
 Ring = NDArray[np.int32]
 Points = NDArray[np.float64]

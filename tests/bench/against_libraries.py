@@ -20,7 +20,7 @@ import shapely
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from slz.flash.median_filter import median_of_neighbours
+from slz.flash.frame_processing import median_of_neighbours
 from slz.kernels.instruments.phase_unwrapping import unwrap_by_quality
 from slz.kernels.polygons.boundary_tracing import trace_boundary
 from slz.kernels.raster.bitmap import packed, unpacked

@@ -30,8 +30,7 @@ from sitl.sensors.mid360_pattern import ELEVATION_MAX_DEG, ELEVATION_MIN_DEG
 from sitl.world.hits import MOVERS
 from sitl.world.world import World
 from slz import LocalFrame, MovingObject, MovingObjects, Nearby, Pipeline, Scan
-from slz.moving.raised_returns import Ground, raised_returns
-from slz.moving.recent_ground import RecentGround
+from slz.moving.raised_returns import Ground, RecentGround, raised_returns
 from slz.window import join
 
 Floats = NDArray[np.float64]

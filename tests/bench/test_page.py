@@ -30,7 +30,7 @@ from companion.flight.sensing import Sources
 from companion.flight.telling import Displays
 from slz import Drawn, DrawnTile, Pipeline
 from slz.kernels.cells.cell_record import TILE
-from slz.terrain.changes import DISPLAYED
+from slz.terrain.terrain_view import DISPLAYED
 from tests.bench.test_streams import POINTS_PER_S, feeder
 from tests.ports import free_port
 

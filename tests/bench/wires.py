@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 import params
 from sitl.scenes.ground import Terrain
-from sitl.scenes.lines.catenary import heights_m, span
+from sitl.scenes.power_lines import heights_m, span
 from sitl.sensors.lidar_mount import Mount
 from sitl.sensors.mid360 import Mid360
 from sitl.sensors.pulse_lidar import PulseLidar

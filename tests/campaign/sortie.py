@@ -34,7 +34,7 @@ CHEAP = {
     "landing_target_hz": 10.0,
     "obstacle_hz": 5.0,
 }
-TOLD = {float(k): phase for k, phase in enumerate(Phase)}
+NUMBERED = {float(k): phase for k, phase in enumerate(Phase)}
 STEP_S = 0.05
 REACH_S, AFTER_S, HANDS_OFF_S, HELD_S, RESTED_S = 60.0, 240.0, 8.0, 6.0, 2.0
 
@@ -95,7 +95,7 @@ class Sortie(Mission):
     def told(self) -> Phase | None:
         """The landing state that ground stations are told, None while they are told none."""
         assert self.sim.pilot is not None
-        return TOLD.get(self.sim.pilot.named_values.get("SLZ_PHASE", -1.0))
+        return NUMBERED.get(self.sim.pilot.named_values.get("SLZ_PHASE", -1.0))
 
     @property
     def down(self) -> bool:

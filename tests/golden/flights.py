@@ -21,9 +21,8 @@ from slz.grid import Grid
 from slz.prior import Surveyed
 from slz.radar.dem import RadarDem, fuse, grid_heights
 from slz.radar.heights import heights
-from slz.radar.interferogram import interferogram
+from slz.radar.interferogram import RadarLines, interferogram
 from slz.radar.interferometer import Interferometer
-from slz.radar.line_buffer import RadarLines
 from slz.zones.polygonise import polygonise
 from tests.unit.slz.flash.waveforms import frame_of, noisy_camera, some_peaks
 

@@ -137,7 +137,7 @@ def test_the_page_needs_no_network_and_holds_every_zone(out: tuple[Path, dict[st
     assert picture.shape[:2] == (told["cells"]["rows"], told["cells"]["cols"])
 
 
-TOLD = "document.querySelector('#more div').getBoundingClientRect().top"
+NUMBERED = "document.querySelector('#more div').getBoundingClientRect().top"
 SIZES = ((1440, 860, False), (320, 640, True), (390, 844, True), (844, 390, True))
 FITTED = """Math.abs(
     1.05 * view.k - Math.min(canvas.clientWidth / S.width, canvas.clientHeight / S.height)) < 1e-9"""
@@ -165,7 +165,7 @@ def test_the_page_fits_its_window_and_opens_the_zone_whose_mark_is_tapped(
             for zone, (west, north, _, _) in marks:
                 browser.click(west + 1, north + 1)  # beside a narrow zone
                 assert browser.script("chosen.id") == zone
-            assert browser.script(f"0 <= {TOLD} && {TOLD} < innerHeight")
+            assert browser.script(f"0 <= {NUMBERED} && {NUMBERED} < innerHeight")
         assert browser.script("document.querySelector('#more div').textContent") == f"zone{zone}"
         browser.script("choose(S.zones[5], false)")
         assert "behind zone 5" in browser.script("document.getElementById('more').innerText")

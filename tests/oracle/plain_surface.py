@@ -26,6 +26,7 @@ from slz.kernels.surface.surface_record import (
     NADIR,
     NADIR_LIGHT,
     NADIR_M,
+    NUMBERED,
     OBLIQUE,
     REPORTED,
     RESIDUAL,
@@ -33,7 +34,6 @@ from slz.kernels.surface.surface_record import (
     SLANTED,
     SQUARES,
     TALL,
-    TOLD,
     N,
 )  # fmt: skip
 
@@ -62,7 +62,7 @@ def penetration(f: F32) -> F32:
     seen, apart = f[COUNT] > 0, f[DEEP] + f[TALL]
     pierced = seen & (apart >= 1) & (apart > 0.01 * f[COUNT])
     rough = seen & (spread_m(f) > 0.06)
-    places, told = np.maximum(around(seen, 2), 1), around(f[TOLD], 2)
+    places, told = np.maximum(around(seen, 2), 1), around(f[NUMBERED], 2)
     score = (
         -4 + 6 * ramp(around(pierced, 2) / places, 0.2, 0.4) + 2 * ramp(around(rough, 2) / places, 0.5, 0.4)
     )

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from slz.zones.boundary_points import without_collinear
+from slz.zones.polygonise import without_collinear
 from tests.oracle.source_rules import moore
 
 Map = NDArray[np.uint8]

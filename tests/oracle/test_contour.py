@@ -11,12 +11,12 @@ from scipy import ndimage
 
 import params
 from slz.grid import Box, Grid
-from slz.kernels.polygons.contour import squares
+from slz.kernels.polygons.boundary_tracing import squares
 from slz.kernels.raster.bitmap import packed, unpacked
 from slz.kernels.raster.connected_components import components, put_without_small_parts
 from slz.kernels.raster.distance_transform import largest_square
+from slz.kernels.raster.morphology import erode_to_side
 from slz.kernels.raster.region_fill import component
-from slz.kernels.raster.square_erosion import erode_to_side
 from slz.paper.paper_detection import PaperDetection
 from slz.paper.paper_terrain import PaperTerrain
 from slz.zones.detection import LEAST_TRACE, Candidate, search_components

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 import params
 from slz.grid import Grid
-from slz.kernels.arctangent import arctangent
 from slz.kernels.argument_types import Array1D
+from slz.kernels.elementary_functions import arctangent
 from slz.kernels.jit import kernel
 from slz.kernels.simd import LANES, load, store
 from slz.paper.paper_terrain import PaperTerrain

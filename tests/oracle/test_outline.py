@@ -11,8 +11,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from slz.zones.boundary_points import without_collinear
-from slz.zones.polygonise import polygonise
+from slz.zones.polygonise import polygonise, without_collinear
 from tests.oracle.source_rules import moore
 
 Cells = NDArray[np.uint8]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from slz.kernels.air.column_record import (
+from slz.kernels.air.passing_rays import (
     BASE,
     BASE_EAST,
     CAME,
@@ -15,6 +15,7 @@ from slz.kernels.air.column_record import (
     EAST,
     FARTHER,
     GONE,
+    OWN,
     RANGE,
     RETURNED,
     ROW,
@@ -24,8 +25,9 @@ from slz.kernels.air.column_record import (
     TOP,
     TOP_EAST,
     UP,
+    index_of,
+    passed,
 )
-from slz.kernels.air.passing_rays import OWN, index_of, passed
 from slz.kernels.air.standing_columns import join, stand_around
 
 Floats = NDArray[np.float64]

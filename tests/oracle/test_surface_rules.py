@@ -24,6 +24,7 @@ from slz.kernels.surface.surface_record import (
     NADIR,
     NADIR_LIGHT,
     NADIR_M,
+    NUMBERED,
     OBLIQUE,
     RAISED,
     REPORTED,
@@ -32,10 +33,8 @@ from slz.kernels.surface.surface_record import (
     SQUARES,
     SURFACE_FIELDS,
     TALL,
-    TOLD,
 )  # fmt: skip
-from slz.surface.classification import classify
-from slz.surface.survey_classes import SurveyClasses
+from slz.surface.classification import SurveyClasses, classify
 from tests.oracle.plain_surface import F32, Floats, classified, coarser
 
 SEEDS = range(16)
@@ -81,7 +80,7 @@ def evidence(seed: int) -> F32:
     f[DEEP], f[TALL] = plants * rng.poisson(0.2 * count), plants * rng.poisson(0.2 * count)
     wet = smooth(rng, x.shape, 6) > rng.uniform(0, 2)
     if seed % 2:
-        f[TOLD], f[SEVERAL] = count, plants * rng.binomial(count, 0.2)
+        f[NUMBERED], f[SEVERAL] = count, plants * rng.binomial(count, 0.2)
     if seed % 3:
         f[OBLIQUE] = rng.poisson(np.where(wet, 0.3, 3) * rng.choice([0.3, 1.0]), x.shape)
         f[SLANTED] = rng.poisson(np.where(wet, 1, 4))

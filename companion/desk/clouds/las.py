@@ -218,7 +218,7 @@ def _marks(piece: Any) -> NDArray[np.uint8]:
     kinds = np.full(8, marks.UNCLASSIFIED, np.uint8)
     kinds[2:7] = marks.GROUND, marks.LOW_PLANT, marks.TALL_PLANT, marks.TALL_PLANT, marks.BUILDING
     kind = kinds[np.minimum(np.asarray(piece.classification), len(kinds) - 1)]
-    echoes = consistent * marks.TOLD | (consistent & (several > 1)) * marks.SEVERAL
+    echoes = consistent * marks.NUMBERED | (consistent & (several > 1)) * marks.SEVERAL
     return np.asarray(echoes | kind << marks.CLASS_SHIFT, np.uint8)
 
 

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from companion.desk.reproduce.reproduction_page import Section, Table
 from slz.grid import Grid
-from slz.radar.accuracy import coherence, height_error_m, phase_error_rad
 from slz.radar.dem import RadarDem, fuse, observe
-from slz.radar.interferogram import Interferogram, interferogram
+from slz.radar.heights import coherence, height_error_m, phase_error_rad
+from slz.radar.interferogram import Interferogram, RadarLines, interferogram
 from slz.radar.interferometer import Interferometer
-from slz.radar.line_buffer import RadarLines
 
 F64 = NDArray[np.float64]
 GRID = Grid(-50.0, -50.0, 0.5, 200, 200)

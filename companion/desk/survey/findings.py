@@ -17,7 +17,7 @@ from companion.desk.survey.survey_corridors import SurveyCorridors
 from companion.flight.outputs.geojson_features import zone_polygon
 from params import Parameters
 from slz import SAFE, UNKNOWN, UNSAFE, Box, Grid, TerrainMaps, Zone
-from slz.kernels.polygons.contour import squares
+from slz.kernels.polygons.boundary_tracing import squares
 from slz.zones.ranking import rank
 
 

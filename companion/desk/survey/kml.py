@@ -16,7 +16,7 @@ NAMESPACE = "http://www.opengis.net/kml/2.2"  # 2.3 uses it, too
 # RGB of the ranks, the best first; all later ranks have the last colour.
 COLOURS = ("1a9850", "66bd63", "a6d96a", "fdae61", "f46d43", "d73027")
 FILL, LINE = "80", "ff"  # opacity
-TOLD = (
+NUMBERED = (
     ("area_m2", "area", "m²"),
     ("certainty", "certainty", ""),
     ("slope_deg", "slope", "°"),
@@ -99,7 +99,7 @@ def _table(row: dict[str, Any]) -> str:
     """Return the description as an HTML table; unknown values are left out."""
     lines = [
         f"<tr><td>{title}</td><td>{html.escape(str(row[key]))} {unit}</td></tr>"
-        for key, title, unit in TOLD
+        for key, title, unit in NUMBERED
         if row.get(key) not in (None, "")
     ]
     return f"<table>{''.join(lines)}</table>"

@@ -13,7 +13,7 @@ from companion.flight.landing.guidance import course_rad, level, towards
 from companion.flight.landing.pilot_texts import PilotTexts
 from companion.flight.landing.situation import Severity, Situation, Vector, VehicleCommands, known
 from params import Parameters
-from slz.points.mapping_reach import reach_m
+from slz.points.outliers import reach_m
 
 BLOCKED_NS = 2_000_000_000
 STEP_UP_M, MOST_UP_M = 5.0, 30.0  # step and total of the climb over an obstacle

@@ -29,7 +29,7 @@ class Settings:
     """Holder of the parameters in force and of those for the next start.
 
     A value whose row is `live` takes effect at once, any other at the next start. A value that is out of
-    range, must not fly (`params.grounded`) or conflicts with others, now or at the next start, is refused.
+    range, must not fly (`params.load`) or conflicts with others, now or at the next start, is refused.
 
     Attributes
     ----------

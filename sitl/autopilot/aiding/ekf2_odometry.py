@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.aiding.external_navigation import ExternalPose
-from sitl.autopilot.aiding.jitter_correction import JitterCorrection
+from sitl.autopilot.aiding.source_sets import JitterCorrection
 from sitl.vehicle.rigid_body import ned, rotate, to_euler
 
 F64 = NDArray[np.float64]
@@ -66,7 +66,7 @@ class Ekf2Odometry:
 
     @property
     def enabled(self) -> bool:
-        """Whether anything of external poses is used."""
+        """True if anything of external poses is used."""
         return int(self._parameters["EKF2_EV_CTRL"]) != 0
 
     def is_healthy(self, now_ns: int) -> bool:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.autopilot.aiding.jitter_correction import JitterCorrection
+from sitl.autopilot.aiding.source_sets import JitterCorrection
 from sitl.vehicle.rigid_body import ned, rotate, to_euler
 
 F64 = NDArray[np.float64]
@@ -91,7 +91,7 @@ class ExternalNavigation:
 
     @property
     def enabled(self) -> bool:
-        """Whether VISO_TYPE was MAVLink at the start."""
+        """True if VISO_TYPE was MAVLink at the start."""
         return self._enabled
 
     def is_healthy(self, now_ns: int) -> bool:

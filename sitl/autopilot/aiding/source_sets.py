@@ -4,6 +4,115 @@ from __future__ import annotations
 
 from enum import IntEnum
 
+import numpy as np
+from numpy.typing import NDArray
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+F64 = NDArray[np.float64]
+
+_NONE: F64 = np.zeros(3)
+_NONE.flags.writeable = False
+
+
+class GnssReceiver:
+    """State of the receiver, set by faults.
+
+    Attributes
+    ----------
+    has_fix
+        Whether it has a fix.
+    first_is_dead
+        Whether the first of two receivers sends nothing any more: the second gives the position.
+    error_enu_m
+        (3,) error of its position beyond that of a clear sky; zero without a fault.
+    velocity_error_enu_ms
+        (3,) error of its Doppler velocity: a spoofer's is that of its false path, multipath has none.
+    """
+
+    def __init__(self) -> None:
+        self.has_fix = True
+        self.first_is_dead = False
+        self.error_enu_m: F64 = _NONE
+        self.velocity_error_enu_ms: F64 = _NONE
+
+    @property
+    def is_faulty(self) -> bool:
+        """True if its position or velocity is wrong."""
+        if self.error_enu_m is _NONE and self.velocity_error_enu_ms is _NONE:
+            return False  # the case of every tick without a fault
+        return bool(self.error_enu_m.any() or self.velocity_error_enu_ms.any())
+
+    @property
+    def fix_type(self) -> int:
+        """GPS_FIX_TYPE of the receiver in use; a wrong position does not change it."""
+        return int(mavlink.GPS_FIX_TYPE_RTK_FLOAT if self.has_fix else mavlink.GPS_FIX_TYPE_NO_FIX)
+
+
+HEIGHT_GAIN_PER_S, VELOCITY_GAIN_PER_S2 = 1.0, 0.5
+"""Gains of the filter: the height is 72 % of a step away after one second, 98 % after two."""
+HELD_PER_S = 1.4  # by the vertical velocity of GPS
+CONVERGED_M, CONVERGED_MS = 1e-3, 1e-3
+
+
+class HeightAiding:
+    """Height of the estimate over the true one, in the wake of its barometer.
+
+    Attributes
+    ----------
+    barometer_error_m
+        Error of the measured height beyond that of `EstimateErrors`, set by faults.
+    offset_up_m, velocity_error_up_ms
+        Added to the estimate.
+    """
+
+    def __init__(self) -> None:
+        self.barometer_error_m = 0.0
+        self.offset_up_m = self.velocity_error_up_ms = 0.0
+
+    def update(self, dt_s: float) -> None:
+        """Advance by `dt_s`."""
+        apart_m = self.barometer_error_m - self.offset_up_m
+        if apart_m == self.velocity_error_up_ms == 0.0:
+            return  # the case of every tick without a fault
+        velocity_ms = self.velocity_error_up_ms
+        self.offset_up_m += (velocity_ms + HEIGHT_GAIN_PER_S * apart_m) * dt_s
+        self.velocity_error_up_ms += (VELOCITY_GAIN_PER_S2 * apart_m - HELD_PER_S * velocity_ms) * dt_s
+        if abs(apart_m) < CONVERGED_M and abs(velocity_ms) < CONVERGED_MS:
+            self.offset_up_m, self.velocity_error_up_ms = self.barometer_error_m, 0.0
+
+
+MOST_LAG_NS = 500_000_000
+CONVERGENCE = 100
+"""Messages after which the offset is set to the least lag among them, to follow the drift of a clock."""
+
+
+class JitterCorrection:
+    """Estimator of the offset between two clocks, as ArduPilot's (AP_RTC/JitterCorrection).
+
+    The message with the least lag is taken as one without any, so a constant transport delay is not seen.
+    """
+
+    def __init__(self) -> None:
+        self._offset_ns: int | None = None
+        self._least_ns = 0
+        self._count = 0
+
+    def local_ns(self, stamp_ns: int, arrival_ns: int) -> int:
+        """Return the local time of a remote stamp, from 0.5 s before its arrival up to it."""
+        lag_ns = arrival_ns - stamp_ns
+        if self._offset_ns is None or lag_ns < self._offset_ns:
+            self._offset_ns = lag_ns
+        local_ns = stamp_ns + self._offset_ns
+        if local_ns + MOST_LAG_NS < arrival_ns:
+            local_ns = arrival_ns - MOST_LAG_NS
+            self._offset_ns = local_ns - stamp_ns
+        self._least_ns = lag_ns if self._count == 0 else min(self._least_ns, lag_ns)
+        self._count += 1
+        if self._count == CONVERGENCE:
+            self._offset_ns, self._count = self._least_ns, 0
+        return local_ns
+
+
 SETS = 3
 DEFAULTS: dict[str, float] = {
     f"EK3_SRC{number}_{axis}": value if number == 1 or axis == "POSZ" else 0
@@ -64,7 +173,7 @@ class SourceSets:
 
     @property
     def has_external_position(self) -> bool:
-        """Whether any set takes its horizontal position from external navigation."""
+        """True if any set takes its horizontal position from external navigation."""
         values = (self._parameters[f"EK3_SRC{number}_POSXY"] for number in range(1, SETS + 1))
         return any(int(value) == Source.EXTERNAL for value in values)
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl import scenes
-from sitl.scenes.borrow_pit import BOXES
-from sitl.sensors.flash.instrument import FlashLidar
+from sitl.scenes.hills import BOXES
+from sitl.sensors.flash.flash_sensor import FlashLidar
 from sitl.sensors.instrument_recording import run
 from sitl.world.primitives import Ellipsoid
 

@@ -3,13 +3,44 @@
 from __future__ import annotations
 
 import socket
+import struct
 
 import numpy as np
 
-from sitl.sensors.imu.inertial_packets import LivoxInertialPackets, OusterInertialPackets
-from sitl.sensors.imu.inertial_unit import IAM_20680, ICM_40609, InertialUnit
+from sitl.sensors.imu.inertial_unit import GRAVITY_MS2, IAM_20680, ICM_40609, InertialSamples, InertialUnit
+from sitl.sensors.livox_packets import encode_imu
 from sitl.sensors.pulse_lidar import PulseLidar
 from sitl.vehicle.pose_track import Motion
+
+_OUSTER = struct.Struct("<QQQ3f3f")
+
+
+class LivoxInertialPackets:
+    """Encoder of one Livox packet per sample."""
+
+    def __init__(self) -> None:
+        self._count = 0
+
+    def encode(self, samples: InertialSamples) -> list[bytes]:
+        out = []
+        for stamp_ns, rate, force in zip(
+            samples.stamp_ns.tolist(), samples.rate_rad_s, samples.force_ms2 / GRAVITY_MS2, strict=True
+        ):
+            out.append(encode_imu(stamp_ns, self._count, rate, force))
+            self._count += 1
+        return out
+
+
+class OusterInertialPackets:
+    """Encoder of one Ouster packet per sample."""
+
+    def encode(self, samples: InertialSamples) -> list[bytes]:
+        degrees, force = np.degrees(samples.rate_rad_s), samples.force_ms2 / GRAVITY_MS2
+        return [
+            _OUSTER.pack(stamp, stamp, stamp, *force[row].tolist(), *degrees[row].tolist())
+            for row, stamp in enumerate(samples.stamp_ns.tolist())
+        ]
+
 
 PORTS = {"mid360": 56401, "ouster": 7503, "os0": 7503}
 """LiDARs with an inertial unit, and the host's port that the real one sends to."""

@@ -83,13 +83,13 @@ class RadarSensor:
         first, bins = self._gate
         self._radar.level_m = float(ground[0])
         samples = self._radar.line(position, axes, altitude, first, bins, world)
-        told = altitude + ALTITUDE_SIGMA_M * self._errors.standard_normal()
+        measured_m = altitude + ALTITUDE_SIGMA_M * self._errors.standard_normal()
         roll = float(np.arcsin(axes[1, 2])) + ROLL_SIGMA_RAD * self._errors.standard_normal()
         unit = FULL / 32767
         parts = np.clip(np.rint(np.stack([samples.real, samples.imag], axis=-1) / unit), -32767, 32767)
         head = HEADER.pack(
             b"SLZR", 1, LOOKS, bins, self._next & 0xFFFFFFFF, self.clock.sensor_ns(now_ns), CARRIER_HZ,
-            BASELINE_M, TILT_DEG, RANGE_M, AZIMUTH_M, first, RANGE_M / PER_SAMPLE, told, roll, unit,
+            BASELINE_M, TILT_DEG, RANGE_M, AZIMUTH_M, first, RANGE_M / PER_SAMPLE, measured_m, roll, unit,
         )  # fmt: skip
         return head + parts.astype("<i2").tobytes()
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from sitl import scenes
-from sitl.scenes.landing_site import HALF_M
+from sitl.scenes.landing_sites import HALF_M
 from sitl.sensors.instrument_recording import run
 from sitl.sensors.radar.side_looker import SideLooker, Track
 from sitl.world.primitives import Kind

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.kernels.air.swept_disc import bearings_within, passes
+from slz.kernels.air.seen_columns import bearings_within, passes
 from slz.kernels.argument_types import Array1D, Array2D, Strided2D
 from slz.kernels.jit import kernel
 
@@ -43,7 +43,7 @@ def clear_over(
     south, west
         Corner of the box (m).
     floor, radius, spread, reach
-        Height at which corridors begin, see `slz.kernels.air.swept_disc`, and how far they lead.
+        Height at which corridors begin, see `slz.kernels.air.seen_columns`, and how far they lead.
     least
         Tangent of the least slope that matters; tops that no corridor of it meets are skipped.
     tangents, highest

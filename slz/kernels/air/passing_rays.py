@@ -4,35 +4,29 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.kernels.air.column_record import (
-    BASE,
-    BEFORE,
-    COL,
-    EAST,
-    FARTHER,
-    GONE,
-    NORTH,
-    RANGE,
-    RETURNED,
-    ROW,
-    SAME_SIDE,
-    SCANS_BEFORE,
-    SCANS_RETURNED,
-    SCANS_SINCE,
-    SINCE,
-    TOP,
-    UP,
-)
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D
-from slz.kernels.growable_array import put
+from slz.kernels.array_memory import put
 from slz.kernels.jit import kernel, kernel_part
 
+# ROW, COL: of the column, from the evidence's corner. CAME: when the first return came (s). GONE: proven
+# empty; such a one counts as long as others around are not. TOP_EAST, TOP_NORTH, TOP and BASE_EAST,
+# BASE_NORTH, BASE: highest and lowest return. RETURNED, BEFORE, SINCE: number of rays it returned, of those
+# that passed between the first and the last one that it or a column around returned, and of those since.
+# SCANS_RETURNED, SCANS_BEFORE, SCANS_SINCE: the same of scans, of it and of the columns around. EAST, NORTH,
+# UP, RANGE: unit vector and length of the rays returned.
+(
+    ROW, COL, CAME, GONE, TOP_EAST, TOP_NORTH, TOP, BASE_EAST, BASE_NORTH, BASE,
+    RETURNED, BEFORE, SINCE, SCANS_RETURNED, SCANS_BEFORE, SCANS_SINCE, EAST, NORTH, UP, RANGE,
+) = range(20)  # fmt: skip
+COLUMN_FIELDS = 20
+
+SAME_SIDE = np.cos(np.radians(20.0))  # between a ray and those that were returned, of rays that are alike
+FARTHER = 1.25  # of the range of those that were returned, beyond which a ray may miss what is thin
+
+
 PAD = 0.1  # m over the top and below the base, in which a return is of what stands there
-THIN = 0.02  # the same, in which a ray counts as passing through it
-BLOCK_BITS, BLOCK = (
-    4,
-    16,
-)  # columns along the side of a block, which a ray without records crosses in one step
+THIN = 0.02  # m over the top and below the base, in which a ray counts as passing through it
+BLOCK_BITS, BLOCK = 4, 16  # columns along a block's side; a ray crosses a block without records in one step
 PASSED, HIT = np.uint8(1), np.uint8(2)  # how a scan saw a column
 OWN = 2.0  # rays that passed a column itself, of one that may be proven empty
 
@@ -43,7 +37,7 @@ def index_of(
 ) -> tuple[int, int, Array2D[np.int32], Array2D[np.bool_]]:
     """Return the first row and column of a box around all columns, the record of each in it, and its blocks.
 
-    The record is -1 for none. Blocks of `BLOCK` x `BLOCK` columns tell whether one of these has a record.
+    The record is -1 for none. Blocks of `BLOCK` x `BLOCK` columns record whether one of these has a record.
     """
     r0, c0 = int(records[:, ROW].min()) - margin, int(records[:, COL].min()) - margin
     rows, cols = int(records[:, ROW].max()) + 1 + margin - r0, int(records[:, COL].max()) + 1 + margin - c0

@@ -4,9 +4,34 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.kernels.air.swept_disc import bearings_within, passes
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, ReadOnly1D, ReadOnly2D
 from slz.kernels.jit import kernel, kernel_part
+
+
+@kernel_part
+def passes(along: float, aside: float, radius: float, spread: float) -> tuple[float, float]:
+    """Return the least and greatest distance to the point at which the disc covers a place; not below 0.
+
+    along, aside: coordinates of the place from the point, along the way and across it (m). The first is
+    greater than the second where the disc never covers it.
+    """
+    b, a = along + spread * radius, 1 - spread * spread
+    root2 = b * b - a * (along * along + aside * aside - radius * radius)
+    if root2 < 0:
+        return 1.0, 0.0
+    root = np.sqrt(root2)
+    if b + root < 0:
+        return 1.0, 0.0
+    return max(0.0, (b - root) / a), (b + root) / a
+
+
+@kernel_part
+def bearings_within(away: float, radius: float, spread: float, width: float) -> int:
+    """Return how many steps of `width` (rad) to each side corridors may cover a place so far `away`."""
+    nearest = (away - radius) / (1 + spread)  # of the vehicle to the point, when it covers the place
+    sine = 1.0 if nearest <= 0 else min(1.0, radius / nearest + spread)
+    return int(min(np.ceil((np.pi if sine == 1.0 else np.arcsin(sine)) / width), np.floor(np.pi / width)))
+
 
 SIDE = 256  # columns of a row, a power of two: the column of a place is its index modulo SIDE
 LEVELS = 64  # voxels of a column
@@ -153,7 +178,7 @@ def unseen_slopes(
     Parameters
     ----------
     tangents, radius, spread, height
-        See `slz.kernels.air.swept_disc`; an infinite tangent is straight up.
+        See `slz.kernels.air.seen_columns`; an infinite tangent is straight up.
     floor, ceiling, reach
         Height at which corridors begin and end, and how far they lead.
     unseen

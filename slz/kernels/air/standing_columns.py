@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.kernels.air.column_record import (
+from slz.kernels.air.passing_rays import (
     BASE,
     BASE_EAST,
     CAME,
@@ -24,7 +24,7 @@ from slz.kernels.air.column_record import (
     UP,
 )
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D
-from slz.kernels.growable_array import put
+from slz.kernels.array_memory import put
 from slz.kernels.jit import kernel, kernel_part
 
 NEW = -2  # in an index of columns, where the first return came

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array2D, Array4D, Array5D, Float32
+from slz.kernels.array_memory import put
 from slz.kernels.cells.accumulate import copy_evidence
 from slz.kernels.cells.cell_record import COUNT, FIELDS, HIGH, HIGH2, LOW, LOW2, MEAN, NOISE, TILE_BITS, TIME
-from slz.kernels.growable_array import put
 from slz.kernels.jit import kernel, kernel_part
 
 

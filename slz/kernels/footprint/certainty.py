@@ -15,10 +15,8 @@ from slz.kernels.jit import kernel, kernel_for_any_types, kernel_part
 from slz.kernels.simd import Floats, broadcast, logical_and, sqrt, where
 
 SLOPE_MARGIN_DEG = 0.07  # standard deviation of a fitted plane's slope about the ground's, beside its error
-RELIEF_NOISE = (
-    1.05  # bias of a relief beyond its excess, in deviations of a return, where every cell was struck
-)
-RELIEF_SPREAD = 1.0  # standard deviation of that bias, in the same unit
+RELIEF_NOISE = 1.05  # bias of a relief beyond its excess where every cell was struck, deviations of a return
+RELIEF_SPREAD = 1.0  # standard deviation of `RELIEF_NOISE`, deviations of a return
 STRUCK = 0.9985  # share of footprints without a hazard that returns struck and the map lost
 HIDDEN = 0.05  # share of footprints with a smallest hazard, where nothing was struck, on even ground
 UNEVEN = 18.0  # and times one more than this, where what was struck reaches the limit of the relief

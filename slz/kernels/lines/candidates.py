@@ -8,7 +8,7 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, ReadOnly1D
 from slz.kernels.jit import kernel, kernel_part
-from slz.kernels.lines.candidate_record import (
+from slz.kernels.lines.line_votes import (
     CANDIDATE_FIELDS,
     EAST,
     NORTH,

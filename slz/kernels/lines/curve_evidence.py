@@ -7,10 +7,10 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D
+from slz.kernels.elementary_functions import median
 from slz.kernels.jit import kernel, kernel_part
-from slz.kernels.lines.candidate_record import EAST, NORTH, SEEN, SENSOR, SIGMA, UP
+from slz.kernels.lines.line_votes import EAST, NORTH, SEEN, SENSOR, SIGMA, UP
 from slz.kernels.lines.voxel_occupancy import VOXEL_M
-from slz.kernels.ranks import median
 
 
 @kernel_part
@@ -75,7 +75,7 @@ def fullest_share(occupied: Array2D[np.int64], above: Array2D[np.int64], least: 
     """
     out = 0.0
     for d in range(len(above)):
-        told = held = rings = 0
+        seen = occupied_n = rings = 0
         full, most = 0, -1.0
         for k in range(above.shape[1]):
             some = above[d, k] >= least
@@ -83,9 +83,9 @@ def fullest_share(occupied: Array2D[np.int64], above: Array2D[np.int64], least: 
             if share > most:
                 full, most = k, share
             if some:
-                told, held, rings = told + above[d, k], held + occupied[d, k], rings + 1
+                seen, occupied_n, rings = seen + above[d, k], occupied_n + occupied[d, k], rings + 1
         if rings > 1 and above[d, full] >= least:
-            told, held = told - above[d, full], held - occupied[d, full]
-        if told > 0:
-            out = max(out, (held + 1) / (told + 1))
+            seen, occupied_n = seen - above[d, full], occupied_n - occupied[d, full]
+        if seen > 0:
+            out = max(out, (occupied_n + 1) / (seen + 1))
     return out

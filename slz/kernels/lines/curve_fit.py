@@ -8,7 +8,7 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.jit import kernel, kernel_part
-from slz.kernels.lines.candidate_record import SIGMA
+from slz.kernels.lines.line_votes import SIGMA
 
 EAST, NORTH, ALONG_EAST, ALONG_NORTH, UP, SLOPE, SAG = range(
     7
@@ -31,7 +31,7 @@ def fit_returns(points: Array2D[np.float64], at: Array1D[np.int64], curve: Array
     Parameters
     ----------
     points
-        (n, CANDIDATE_FIELDS) returns, see `slz.kernels.lines.candidate_record`.
+        (n, CANDIDATE_FIELDS) returns, see `slz.kernels.lines.line_votes`.
     at
         Indices of the returns to use, two at least.
     """

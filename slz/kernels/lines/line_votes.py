@@ -8,7 +8,12 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, ReadOnly2D
 from slz.kernels.jit import kernel
-from slz.kernels.lines.candidate_record import EAST, NORTH, SIGMA, UP
+
+# Fields of a candidate. EAST, NORTH, UP: place. SIGMA: standard deviation of the place (m). SEEN: time of its
+# window (s). SENSOR: first of east, north and up of the sensor.
+EAST, NORTH, UP, SIGMA, SEEN, SENSOR = range(6)
+CANDIDATE_FIELDS = SENSOR + 3
+
 
 BEARINGS, SLOPES = 180, 16  # bins of half a circle, and of slopes
 STEEPEST = 0.48  # rise over distance
@@ -26,7 +31,7 @@ def line_votes(seeds: Array1D[np.int64], points: Array2D[np.float64]) -> Array2D
     Parameters
     ----------
     seeds, points
-        Indices of the seeds, and (n, CANDIDATE_FIELDS) returns, see `slz.kernels.lines.candidate_record`.
+        Indices of the seeds, and (n, CANDIDATE_FIELDS) returns,.
     """
     out, votes = np.zeros((len(seeds), 3)), np.empty((BEARINGS + 1, SLOPES + 1), np.int32)
     turn, step = math.pi / BEARINGS, 2 * STEEPEST / SLOPES

@@ -232,7 +232,7 @@ def around_curve(
     Parameters
     ----------
     s, place, along, heights
-        Places along the curve, as far apart as voxels, and the curve of `slz.wires.sagging_curve`.
+        Places along the curve, as far apart as voxels, and the curve of `slz.wires.detected_wire`.
     held, above
         (DIRECTIONS, rings), zero, changed.
     below

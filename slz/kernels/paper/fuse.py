@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from slz.kernels.arctangent import arctangent
 from slz.kernels.argument_types import Array1D, Array2D, Array3D
+from slz.kernels.elementary_functions import arctangent
 from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits
 from slz.kernels.simd import LANES, broadcast, load, sqrt, store, where

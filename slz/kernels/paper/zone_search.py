@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D
-from slz.kernels.growable_array import doubled, put, put_rows
+from slz.kernels.array_memory import doubled, put, put_rows
 from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.polygons.boundary_tracing import extent, trace_boundary, westmost
 from slz.kernels.raster.bitmap import NONE, Bits, lowest, signed

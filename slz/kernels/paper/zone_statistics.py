@@ -7,7 +7,7 @@ import numpy as np
 from slz.kernels.argument_types import Array1D, Array2D, Array3D
 from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.paper.fuse import HALF, OLD
-from slz.kernels.polygons.contour import corner_indices
+from slz.kernels.polygons.boundary_tracing import corner_indices
 from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits, lowest, popcount, signed
 
 Map = Array3D[np.float32]

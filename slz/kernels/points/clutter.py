@@ -20,7 +20,7 @@ from slz.kernels.cells.cell_record import (
 )
 from slz.kernels.cells.tile_directory import Directory, slot_at
 from slz.kernels.jit import kernel, kernel_part
-from slz.kernels.points.isolated_record import MOST_OTHERS
+from slz.kernels.points.nearest_others import MOST_OTHERS
 
 AROUND, SIDE = 2, 5  # cells to each side in which rays are counted and ground is looked for, and across
 BESIDE = 1  # cells to each side whose ground a return may belong to

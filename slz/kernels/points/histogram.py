@@ -65,7 +65,7 @@ def _range(height: Array1D[np.float64]) -> tuple[float, float]:
 
 @kernel
 def heights_within(points: ReadOnly2D[np.float64], which: Array1D[np.bool_]) -> Array1D[np.float64]:
-    """Return the heights of those of (n, 3) points which are told (n,)."""
+    """Return the heights of the points (n, 3) selected by a mask (n,)."""
     out, n = np.empty(len(points)), 0
     for i in range(len(points)):
         out[n] = points[i, 2]

@@ -7,10 +7,11 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, ReadOnly1D, Strided2D
-from slz.kernels.growable_array import put
+from slz.kernels.array_memory import put
+from slz.kernels.elementary_functions import ranked
 from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.points.clutter import is_unlikely
-from slz.kernels.points.isolated_record import (
+from slz.kernels.points.nearest_others import (
     BAND,
     BELOW,
     BORN,
@@ -24,29 +25,26 @@ from slz.kernels.points.isolated_record import (
     HIGH_M,
     ISOLATED_FIELDS,
     LEVEL,
+    LEVEL_M,
     LONELY,
+    LONELY_LEVEL_M,
+    LONELY_M,
     LOW,
     MOST_OTHERS,
     NO_BAND,
     NUMBER,
     OVER,
     RAYS,
+    REACH_M,
     SENSOR_UP,
     SOLID_OBJECT,
     STAYS,
     UP,
     UPRIGHT,
-    WAS_FOUND,
-)
-from slz.kernels.points.nearest_others import (
-    LEVEL_M,
-    LONELY_LEVEL_M,
-    LONELY_M,
-    REACH_M,
     UPRIGHT_M,
+    WAS_FOUND,
     add_others,
 )
-from slz.kernels.ranks import ranked
 
 MOST = 8192  # returns kept
 AGREES_M = 0.15  # from the ground: belongs to it

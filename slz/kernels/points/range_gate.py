@@ -26,21 +26,6 @@ def within_reach(
 
 
 @kernel
-def mark_near(
-    points: Array2D[np.float64],
-    sensor: Array1D[np.float64],
-    reach2: float,
-    flags: Array1D[np.uint16],
-    near: int,
-) -> None:
-    """Set a flag of the points that are `within_reach`."""
-    flag = np.uint16(near)
-    for i in range(len(points)):
-        dx, dy = points[i, 0] - sensor[0], points[i, 1] - sensor[1]
-        flags[i] |= np.uint16(0) if dx * dx + dy * dy > reach2 else flag
-
-
-@kernel
 def mark_usable(
     points: Array2D[np.float64],
     sensor: Array1D[np.float64],

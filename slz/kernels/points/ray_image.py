@@ -12,7 +12,7 @@ from slz.kernels.jit import kernel, kernel_part
 ROWS = 90  # of elevation, from straight down
 X, Y, Z, RANGE = range(4)  # of a ray: unit vector, length (inf: no return)
 HITS, THROUGH, BEFORE = range(3)  # of counts: ended in the ball, reached it (hits too), ended just before it
-REFERENCE = 8.0  # length before the ball, in radii, in which returns tell how dense the air is
+REFERENCE = 8.0  # length before the ball, in radii, in which returns show the density of the air
 SLACK = 1.3  # of the rate at which a measure rises with its angle, within the bounds below it
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D
+from slz.kernels.elementary_functions import ranked
 from slz.kernels.jit import kernel, kernel_part
-from slz.kernels.ranks import ranked
 
 LEAST_SCALE, SCALE_OF_MEDIAN, BIWEIGHT = 0.02, 1.4826, 4.7  # of residuals (m); in standard deviations
 RIDGE = 1e-9  # keeps the equations solvable where nothing agrees

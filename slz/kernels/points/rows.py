@@ -20,7 +20,7 @@ def rows_of(flags: Array1D[np.uint16], has: int, lacks: int) -> Array1D[np.int64
 
 @kernel
 def mark(flags: Array1D[np.uint16], rows: Array1D[np.int64], which: Array1D[np.bool_], flag: int) -> None:
-    """Set a flag of those of some rows which are told."""
+    """Set a flag of the rows that a mask selects."""
     for k in range(len(rows)):
         flags[rows[k]] |= np.uint16(flag) if which[k] else np.uint16(0)
 

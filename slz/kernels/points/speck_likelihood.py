@@ -86,7 +86,7 @@ def _voxel(x: float, y: float, z: float) -> tuple[int, int]:
 
 @kernel_part
 def _rate(air: Array2D[np.float64], away: float) -> float:
-    """Return the specks per ray and metre at a range; 0 where too few rays tell."""
+    """Return the specks per ray and metre at a range; 0 where too few rays were counted."""
     shell = min(SHELLS - 1, int(away / SHELL_M))
     return air[shell, 0] / air[shell, 1] if air[shell, 1] > 0 else 0.0
 

@@ -1,14 +1,109 @@
-"""Moore-neighbour boundary tracing on a bitmap, by a lookup table (SLZ paper, Table 1 and Algorithm 1)."""
+"""Boundaries of cells: tracing, collinear points, and rings of edges."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.argument_types import Array1D, Array2D
-from slz.kernels.jit import kernel, kernel_part
-from slz.kernels.polygons.contour import COL_STEP, ROW_STEP
+from slz.kernels.argument_types import Array1D, Array2D, Strided2D
+from slz.kernels.array_memory import doubled
+from slz.kernels.jit import kernel, kernel_at_call, kernel_part
 from slz.kernels.raster.bitmap import LAST, NONE, Bits, bit, leading, signed
+
+# Moore neighbours, clockwise from west (SLZ paper, Table 1); rows grow to the north.
+COL_STEP = np.array([-1, -1, 0, 1, 1, 1, 0, -1], np.int64)
+ROW_STEP = np.array([0, -1, -1, -1, 0, 1, 1, 1], np.int64)
+
+
+@kernel_at_call
+def squares(safe: Strided2D[np.uint8]) -> Strided2D[np.int32]:
+    """Return, by cell, the side in cells of the largest safe square whose last row and column end there."""
+    rows, cols = safe.shape
+    side = np.zeros((rows, cols), np.int32)
+    for r in range(rows):
+        for c in range(cols):
+            if safe[r, c]:
+                if r == 0 or c == 0:
+                    side[r, c] = 1
+                else:
+                    side[r, c] = 1 + min(side[r - 1, c], side[r, c - 1], side[r - 1, c - 1])
+    return side
+
+
+@kernel
+def corner_indices(boundary: Array2D[np.int32]) -> Array1D[np.int32]:
+    """Return the indices of the boundary cells that `slz.zones.polygonise.without_collinear` keeps."""
+    n, m = len(boundary), 0
+    kept = np.empty(n, np.int32)
+    for i in range(n):
+        before, after = i - 1 if i > 0 else n - 1, i + 1 if i + 1 < n else 0
+        r, c = boundary[i, 0], boundary[i, 1]
+        r0, c0, r1, c1 = boundary[before, 0], boundary[before, 1], boundary[after, 0], boundary[after, 1]
+        flat = (r0 == r and r1 == r) or (c0 == c and c1 == c)
+        turns = (r - r0) * (r1 - r) + (c - c0) * (c1 - c) < 0  # the tip of a spur
+        kept[m] = i
+        m += not flat or turns or n == 1
+    return kept[:m].copy()
+
+
+# Directions of travel: east, north, west, south; offset from the vertex behind to the cell on the left.
+ROW_AHEAD = np.array([0, 1, 0, -1], np.int64)
+COL_AHEAD = np.array([1, 0, -1, 0], np.int64)
+ROW_LEFT = np.array([0, 0, -1, -1], np.int64)
+COL_LEFT = np.array([0, -1, -1, 0], np.int64)
+
+
+@kernel_part
+def _cell(cells: Strided2D[np.uint8], row: int, col: int) -> bool:
+    if row < 0 or col < 0 or row >= cells.shape[0] or col >= cells.shape[1]:
+        return False
+    return bool(cells[row, col] != 0)
+
+
+@kernel
+def boundary_rings(cells: Strided2D[np.uint8]) -> Strided2D[np.int32]:
+    """Return every ring around the set cells as (n, 3): ring number, row and column of unit-step vertices.
+
+    Set cells are to the left: outer rings run anticlockwise (rows grow to the north), holes clockwise. Where
+    two cells touch at a corner only, a ring keeps to its own cell, so that no ring crosses another or itself.
+    """
+    rows, cols = cells.shape
+    done = np.zeros((rows + 1, cols + 1), np.uint8)  # bit 1: the edge leaving east from here, bit 2: west
+    out = np.empty((1024, 3), np.int32)
+    n, ring = 0, 0
+    for r0 in range(rows + 1):
+        for c0 in range(cols):
+            above, below = _cell(cells, r0, c0), _cell(cells, r0 - 1, c0)
+            if above == below:
+                continue
+            # Above set: travel east with it on the left. Below set: travel west, from the vertex to the east.
+            direction = 0 if above else 2
+            r, c = r0, c0 if above else c0 + 1
+            bit = np.uint8(1 if above else 2)
+            if done[r, c] & bit:
+                continue
+            while True:
+                if direction == 0 or direction == 2:
+                    mark = np.uint8(1 if direction == 0 else 2)
+                    if done[r, c] & mark:
+                        break
+                    done[r, c] |= mark
+                if n == len(out):
+                    out = doubled(out)
+                out[n, 0], out[n, 1], out[n, 2] = ring, r, c
+                n += 1
+                r, c = r + ROW_AHEAD[direction], c + COL_AHEAD[direction]
+                for turn in (1, 0, 3):  # left first, so that diagonal neighbours stay apart
+                    way = (direction + turn) & 3
+                    left = _cell(cells, r + ROW_LEFT[way], c + COL_LEFT[way])
+                    right_way = (way + 3) & 3
+                    right = _cell(cells, r + ROW_LEFT[right_way], c + COL_LEFT[right_way])
+                    if left and not right:
+                        direction = way
+                        break
+            ring += 1
+    return out[:n].copy()
+
 
 NO_STEP, DIRECTION_BITS = 8, 15
 WEST_BIT, EAST_BIT, START_BITS, ROW_BITS, COL_BITS = 4, 5, 6, 8, 10  # bit offsets of an entry's fields

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D
-from slz.kernels.growable_array import doubled
+from slz.kernels.array_memory import doubled
 from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.raster.bitmap import NONE, Bits, lowest, word_mask
 

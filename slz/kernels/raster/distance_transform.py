@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, Strided2D
-from slz.kernels.growable_array import doubled
+from slz.kernels.array_memory import doubled
 from slz.kernels.jit import kernel, kernel_of_source_mode, kernel_part
 from slz.kernels.raster.bitmap import ALL, LAST, NONE, ONE, Bits, leading, lowest, signed, word_at
-from slz.kernels.raster.square_erosion import erode_columns, erode_rows, erode_to_side
+from slz.kernels.raster.morphology import erode_columns, erode_rows, erode_to_side
 
 NEAR = 32  # columns to either side that one word around a cell covers
 WITNESSES = 16  # recent nearest outside cells, kept for distance bounds

@@ -12,12 +12,12 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array4D
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
+from slz.kernels.elementary_functions import median
 from slz.kernels.jit import kernel, kernel_part
-from slz.kernels.ranks import median
 from slz.kernels.raster.bitmap import NONE, ONE, Bits, bit, lowest, signed, word_mask
 from slz.kernels.raster.connected_components import highest_cells, largest_groups
 from slz.kernels.raster.distance_transform import distances2, greatest_clearance, largest_square
-from slz.kernels.raster.square_erosion import erode_to_side
+from slz.kernels.raster.morphology import erode_to_side
 
 Layers = Array4D[np.float32]
 Table = Array2D[np.int32]

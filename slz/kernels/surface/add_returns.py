@@ -34,6 +34,7 @@ from slz.kernels.surface.surface_record import (
     NADIR_LIGHT,
     NADIR_M,
     NO_MIRROR_DEG,
+    NUMBERED,
     OBLIQUE,
     OBLIQUE_DEG,
     RECORD,
@@ -47,7 +48,6 @@ from slz.kernels.surface.surface_record import (
     SURFACE_FIELDS,
     TALL,
     TIME,
-    TOLD,
 )
 
 MOST_COUNT = np.float32(50_000)  # returns of a cell, above which all its sums are halved
@@ -130,7 +130,7 @@ def add_returns(
             cells[k, MEAN] += off / cells[k, COUNT]
             cells[k, SQUARES] += off * (h - cells[k, MEAN])
         if len(echoes) > 0 and echoes[i] > 0:
-            cells[k, TOLD] += F1
+            cells[k, NUMBERED] += F1
             cells[k, SEVERAL] += echoes[i] > 1
         if known:
             at = np.int64(origin[i])

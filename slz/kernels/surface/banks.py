@@ -8,13 +8,15 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D
+from slz.kernels.elementary_functions import interpolate, ramp
 from slz.kernels.jit import kernel_part
-from slz.kernels.surface.masks import bounding_boxes, with_holes
-from slz.kernels.surface.neighbourhood import box_sums
-from slz.kernels.surface.piecewise_linear import interpolate, ramp
+from slz.kernels.surface.masks import bounding_boxes, box_sums, with_holes
 
 BANK_M = 0.10  # ground higher than the water beside it by this is a bank
-WALL_M, WALLED_M2 = 1.0, 400.0  # what rises more around a small extent is a wall or a tree, and tells nothing
+WALL_M, WALLED_M2 = (
+    1.0,
+    400.0,
+)  # what rises more around a small extent is a wall or tree: no evidence
 BANK_CELLS = 4  # width of the ring in which banks are looked for
 FEWEST_RING = 12  # cells of the ring that were seen
 SECTORS = 12  # directions in which a bank is looked for

@@ -10,16 +10,19 @@ import math
 import numpy as np
 
 from slz.kernels.argument_types import Array2D, Array3D
+from slz.kernels.elementary_functions import ranked
 from slz.kernels.jit import kernel_part
-from slz.kernels.ranks import ranked
 from slz.kernels.surface.masks import connected_parts
 from slz.kernels.surface.shores import flood
-from slz.kernels.surface.specular_returns import FEWEST
 from slz.kernels.surface.surface_record import ASIDE, ASIDE_LIGHT, COUNT, MEAN
+from slz.kernels.surface.water_returns import FEWEST_RETURNS
 
 SEED = 0.2  # probability of water
 FEWEST_M2, FEWEST_SHINING_M2 = 20.0, 8.0  # of seeds of one level
-LEAST_M, DEEPEST_M = 0.01, 0.4  # below the level, from which a bottom is told and to which it shows
+LEAST_M, DEEPEST_M = (
+    0.01,
+    0.4,
+)  # below the level, least depth of a recognised bottom, greatest of a visible one
 BRIGHTEST_BOTTOM = np.float32(0.22)  # share of a white target; water halves light, even over sand
 ONE_LEVEL_M = np.float32(0.15)  # between low and high seeds that shine, with waves, and a bottom drawing down
 EVERY_LEVEL_M = np.float32(np.inf)
@@ -102,7 +105,7 @@ def _flood(
         return False
     may, over = np.empty(labels.shape, np.bool_), level.copy()
     for k in range(labels.size):
-        is_bright = f[ASIDE, k] >= FEWEST and f[ASIDE_LIGHT, k] > BRIGHTEST_BOTTOM
+        is_bright = f[ASIDE, k] >= FEWEST_RETURNS and f[ASIDE_LIGHT, k] > BRIGHTEST_BOTTOM
         may.flat[k] = f[COUNT, k] > 0 and not is_bright
         over.flat[k] += raised[seeds.flat[k]]
         if math.isnan(raised[seeds.flat[k]]):

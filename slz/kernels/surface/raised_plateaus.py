@@ -8,13 +8,100 @@ from __future__ import annotations
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D
+from slz.kernels.elementary_functions import F0, F1, median, ramp
 from slz.kernels.jit import kernel, kernel_part
-from slz.kernels.ranks import median
-from slz.kernels.surface.masks import SIDES, bounding_boxes, with_holes
-from slz.kernels.surface.penetration import spread_m
-from slz.kernels.surface.piecewise_linear import ramp
-from slz.kernels.surface.plateaus import connect
-from slz.kernels.surface.surface_record import COUNT, MEAN, SQUARES
+from slz.kernels.surface.masks import SIDES, bounding_boxes, box_sums, with_holes
+from slz.kernels.surface.surface_record import COUNT, DEEP, MEAN, NUMBERED, SEVERAL, SQUARES, TALL
+
+AROUND = 2  # cells
+FEWEST = 30.0  # returns of the neighbourhood
+FALSE_SHARE = np.float32(0.01)  # of the returns of a cell, up to which others may be false
+SPREAD_M = np.float32(0.06)  # within a cell; more than that of a hard surface on a slope
+PENETRATION_PRIOR = np.float32(-4.0)
+SCORE_PIERCED, SCORE_SPREAD, SCORE_SEVERAL = np.float32(6.0), np.float32(2.0), np.float32(3.0)
+PIERCED, ROUGH, PIERCED_SHARES = np.float32(0.2), np.float32(0.5), np.float32(0.4)
+SEVERAL_FROM, SEVERAL_SHARES = np.float32(0.02), np.float32(0.1)
+
+
+@kernel_part
+def spread_m(count: np.float32, squares: np.float32) -> np.float32:
+    """Return the standard deviation of the heights within a cell, 0 where nothing was seen."""
+    return np.float32(np.sqrt(max(squares, F0) / max(count, F1)))
+
+
+@kernel
+def penetration(fields: Array3D[np.float32]) -> Array2D[np.float32]:
+    """Return the log odds for plants: of cells whose neighbourhood has returns from several depths."""
+    f, layers = fields.reshape(len(fields), -1), np.zeros_like(fields[:6])
+    flat, out = layers.reshape(6, -1), np.full(fields[0].shape, PENETRATION_PRIOR, np.float32)
+    for k in range(f.shape[1]):
+        count, apart = f[COUNT, k], f[DEEP, k] + f[TALL, k]
+        flat[3, k], flat[4, k], flat[5, k] = f[NUMBERED, k], f[SEVERAL, k], count
+        if count > F0:
+            flat[0, k] = F1
+            flat[1, k] = apart >= F1 and apart > FALSE_SHARE * count
+            flat[2, k] = spread_m(count, f[SQUARES, k]) > SPREAD_M
+    places, pierced, rough, numbered, several, around = box_sums(layers, AROUND).reshape(6, -1)
+    for k in range(f.shape[1]):
+        if f[COUNT, k] > F0 and around[k] >= FEWEST:
+            n = max(places[k], F1)
+            score = PENETRATION_PRIOR + SCORE_PIERCED * ramp(pierced[k] / n, PIERCED, PIERCED_SHARES)
+            score += SCORE_SPREAD * ramp(rough[k] / n, ROUGH, PIERCED_SHARES)
+            if numbered[k] >= FEWEST:
+                share = several[k] / max(numbered[k], F1)
+                score += SCORE_SEVERAL * ramp(share, SEVERAL_FROM, SEVERAL_SHARES)
+            out.flat[k] = score
+    return out
+
+
+@kernel_part
+def _root(parent: Array1D[np.int32], i: int) -> int:
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = int(parent[i])
+    return i
+
+
+@kernel_part
+def connect(height: Array2D[np.float32], step: float) -> tuple[Array2D[np.int32], int]:
+    """Label the cells joined by steps of at most `step`, from 1 on; 0 where the height is NaN.
+
+    Neighbours are the four next cells, and the next but one across a single unknown cell. Return also the
+    number of labels.
+    """
+    rows, cols = height.shape
+    parent, out = np.empty(rows * cols, np.int32), np.zeros((rows, cols), np.int32)
+    for i in range(rows * cols):
+        parent[i] = i
+    for r in range(rows):
+        for c in range(cols):
+            h = height[r, c]
+            if np.isnan(h):
+                continue
+            for dr, dc in ((1, 0), (0, 1)):
+                r1, c1 = r + dr, c + dc
+                if r1 < rows and c1 < cols and np.isnan(height[r1, c1]):
+                    r1, c1 = r1 + dr, c1 + dc
+                if r1 < rows and c1 < cols and abs(height[r1, c1] - h) <= step:
+                    a, b = _root(parent, r * cols + c), _root(parent, r1 * cols + c1)
+                    if a < b:
+                        parent[b] = a
+                    elif b < a:
+                        parent[a] = b
+    n = 0
+    for r in range(rows):
+        for c in range(cols):
+            if np.isnan(height[r, c]):
+                continue
+            i = r * cols + c
+            root = _root(parent, i)
+            if root == i:
+                n += 1
+                out[r, c] = n
+            else:
+                out[r, c] = out[root // cols, root % cols]
+    return out, n
+
 
 STEP_M = 0.35  # between neighbouring cells of a plateau, for cells of a metre
 SMOOTH_M = np.float32(0.35)  # spread of the heights within a cell of a plateau

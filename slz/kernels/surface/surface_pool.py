@@ -8,8 +8,8 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, Array4D, Float32
 from slz.kernels.cells.cell_record import TILE, TILE_BITS
+from slz.kernels.elementary_functions import median
 from slz.kernels.jit import kernel, kernel_part
-from slz.kernels.ranks import median
 from slz.kernels.surface.surface_record import (
     COUNT,
     KIND,

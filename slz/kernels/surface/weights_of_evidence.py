@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D, Array3D
+from slz.kernels.elementary_functions import F0, F1, interpolate
 from slz.kernels.jit import kernel, kernel_for_any_types, kernel_part
 from slz.kernels.surface.flooded_ground import SEED, flood_ground
-from slz.kernels.surface.neighbourhood import box_sums
-from slz.kernels.surface.piecewise_linear import F0, F1, interpolate
+from slz.kernels.surface.masks import box_sums
 from slz.kernels.surface.surface_record import (
     CANOPY,
     COUNT,
@@ -29,7 +29,7 @@ from slz.kernels.surface.surface_record import (
     WATER,
     N,
 )
-from slz.kernels.surface.vanishing_returns import FEWEST_RAYS
+from slz.kernels.surface.water_returns import FEWEST_RAYS
 
 BESIDE, SHORE = 3, 0.1  # cells around; probability that a footprint in a cell beside water reaches it
 SCORE_WATER = np.float32(-4.7)  # log odds of water before any evidence
@@ -37,13 +37,13 @@ MOST_ACQUITTAL = np.float32(-0.5)  # log odds, of an extent over which returns v
 # Bright oblique returns more than dark ones, and what lost rays say then.
 FEWEST_BRIGHT, SCORE_BRIGHT = np.float32(6.0), np.float32(1.5)
 SCORE_BOTH = np.float32(2.0)  # log odds more, where returns vanish and those left are darker than dry ground
-# Water has no gradient; ground whose plane is clean has the one told. An attitude that errs tilts water by
-# 1.3 degrees (PX4), so where near rays surely vanish the ground must slope by more.
+# Water has no gradient; ground whose plane is clean has the gradient of that plane. An error of attitude
+# tilts water by 1.3 degrees (PX4), so where near rays surely vanish the ground must slope by more.
 GRADIENTS, SCORES_SLOPING = (0.004, 0.01, 0.02), (0.0, -3.5, -5.0)
 TILTED, SCORES_TILTED = (0.025, 0.045, 0.07), (0.0, -3.4, -5.0)
 WINDOW, SIGMAS = 1.4, np.float32(2.5)  # deviation of places in a plane's window, in cells; standard errors
 CLEAN_M = np.float32(0.05)  # residual of the plane of such ground, without a bank in it
-FEWEST_RETURNS = np.float32(8.0)  # in the window of a plane, to tell a kind
+FEWEST_RETURNS = np.float32(8.0)  # in the window of a plane, that suffice for a kind
 DEPTH_M, DEPTH_RANGE_M = np.float32(2.5), np.float32(0.5)  # of crops and reeds; what is taller is canopy
 MOST = np.float32(30)  # log odds
 HALF, NEVER = np.float32(0.5), np.float32(np.inf)
@@ -101,15 +101,15 @@ def weigh(
     on_level, levels, roofs, plants, mirrors, lost, dark
         (rows, cols) cells of level extents, and log odds of each rule.
     shape
-        (rows, cols) SHAPE as told before with more of the surroundings, 0 for none; or empty.
+        (rows, cols) SHAPE from an earlier look with more of the surroundings, 0 for none; or empty.
     said
         Log odds for roofs and for plants, and share of tall plants or NaN, as the maker of a survey said,
         (3, rows, cols); or empty.
     layers
         (N_LAYERS, rows, cols), of which SHAPE is written, CANOPY as the share of tall ones among
-        plants, and KIND as whether enough was seen to tell one.
+        plants, and KIND as whether enough was seen to classify.
     """
-    f, told, any_said = fields.reshape(len(fields), -1), shape.size > 0, said.size > 0
+    f, any_shape, any_said = fields.reshape(len(fields), -1), shape.size > 0, said.size > 0
     odds, out, of_planes = (
         np.full_like(fields[:3], NEVER),
         layers.reshape(N_LAYERS, -1),
@@ -121,8 +121,8 @@ def weigh(
         seen, roof, mirror = f[COUNT, k] > F0, roofs.flat[k], mirrors.flat[k]
         # Around water that answered lies more of it, as even as ground: shape acquits it of little.
         level = levels.flat[k]
-        out[SHAPE, k] = shape.flat[k] if told else min(level, F0) if roof > F0 else level
-        if told and shape.flat[k] != F0:
+        out[SHAPE, k] = shape.flat[k] if any_shape else min(level, F0) if roof > F0 else level
+        if any_shape and shape.flat[k] != F0:
             level = max(level, shape.flat[k])
         if roof > F0:
             level = min(level, F0)  # its banks are parapets

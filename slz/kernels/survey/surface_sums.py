@@ -9,7 +9,7 @@ from slz.kernels.jit import kernel
 from slz.kernels.survey.point_binning import BLOCK, BLOCK_BITS
 
 # Bits of a point's mark: whether its number of returns is known, whether it is more than one, its class.
-TOLD, SEVERAL, CLASS_SHIFT = np.uint8(1), np.uint8(2), np.uint8(2)
+NUMBERED, SEVERAL, CLASS_SHIFT = np.uint8(1), np.uint8(2), np.uint8(2)
 # Classes, in the mark and in `classes`.
 UNCLASSIFIED, GROUND, LOW_PLANT, TALL_PLANT, BUILDING = range(5)
 CLASSES = 5
@@ -38,7 +38,7 @@ def add_sums(
         First near cell of the block, counted from the first near cell of the sums; near cells along the side
         of a surface cell.
     sums
-        (5, rows, cols): points, their heights over `datum`, squares of these, told and several returns.
+        (5, rows, cols): points, their heights over `datum`, squares of these, numbered and several returns.
     extreme
         (rows, cols, 2) lowest and highest.
     classes
@@ -61,7 +61,7 @@ def add_sums(
         sums[0, r, c] += 1
         sums[1, r, c] += over
         sums[2, r, c] += over * over
-        sums[3, r, c] += mark[i] & TOLD
+        sums[3, r, c] += mark[i] & NUMBERED
         sums[4, r, c] += (mark[i] & SEVERAL) >> 1
         kind = np.int64(mark[i] >> CLASS_SHIFT)
         if kind < CLASSES:

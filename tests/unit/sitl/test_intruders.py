@@ -7,8 +7,7 @@ import pytest
 
 from companion.desk.demo.demo_options import INTRUDERS
 from sitl.intruders import KINDS, DrivenCar, SwungJib, read
-from sitl.intruders.bouncing_ball import RESTITUTION, ROLLING, path_m
-from sitl.intruders.crosser import BESIDE_M, FROM_M
+from sitl.intruders.moving_bodies import BESIDE_M, FROM_M, RESTITUTION, ROLLING, path_m
 from sitl.world.primitives import Ellipsoid
 from sitl.world.world import World
 from tests.unit.sitl.test_simulation import flown_onto

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from sitl.lockstep import LockstepServer
+from sitl.pace import LockstepServer
 from sitl.wire.wire import WireError
 
 LIMIT_S = 10.0

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 import params
 from slz import SAFE, UNKNOWN, LocalFrame, Pipeline, Report, TerrainMaps
 from slz.map_ground import far_parameters
-from slz.points.mapping_reach import reach_m
+from slz.points.outliers import reach_m
 from tests.unit.slz.hand_made import NOWHERE, flat, returns, window
 
 Floats = NDArray[np.float64]

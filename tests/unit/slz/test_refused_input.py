@@ -10,7 +10,7 @@ import pytest
 
 from slz import LocalFrame
 from slz.flash.camera import FlashCamera, FlashFrame
-from slz.radar.line_buffer import RadarLines
+from slz.radar.interferogram import RadarLines
 from slz.window import PointAttributes, Scan, Windower, join
 
 FRAME = LocalFrame(0.0, 0.0, 0.0)

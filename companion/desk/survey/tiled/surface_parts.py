@@ -29,18 +29,16 @@ from slz.kernels.surface.surface_record import (
     LOW,
     MEAN,
     N_LAYERS,
+    NUMBERED,
     SEVERAL,
     SQUARES,
     SURFACE_FIELDS,
     TALL,
-    TOLD,
 )
 from slz.kernels.survey.surface_sums import BUILDING, CLASSES, LOW_PLANT, TALL_PLANT, add_sums, count_apart
-from slz.surface.classification import classify
+from slz.surface.classification import Floats, SurfaceLayers, SurveyClasses, classify
 from slz.surface.surface_kinds import SurfaceHere
 from slz.surface.surface_map import CELL_M
-from slz.surface.surface_probabilities import SurfaceLayers
-from slz.surface.survey_classes import Floats, SurveyClasses
 
 SIDE, MARGIN = 1024, 256  # surface cells
 
@@ -182,7 +180,7 @@ def _cells(
     fields[COUNT], fields[MEAN] = sums[0], mean * UNIT_M
     fields[SQUARES] = np.maximum(sums[2] - n * mean**2, 0) * UNIT_M**2
     fields[LOW], fields[HIGH] = (extreme[..., 0] - datum) * UNIT_M, (extreme[..., 1] - datum) * UNIT_M
-    fields[DEEP], fields[TALL], fields[TOLD], fields[SEVERAL] = deep, tall, sums[3], sums[4]
+    fields[DEEP], fields[TALL], fields[NUMBERED], fields[SEVERAL] = deep, tall, sums[3], sums[4]
     shares = np.moveaxis(classes, 2, 0).astype(np.float32)
     prior = SurveyClasses(shares[BUILDING], shares[LOW_PLANT], shares[TALL_PLANT], shares.sum(axis=0))
     return fields, prior

@@ -19,7 +19,7 @@ from scipy.sparse.csgraph import connected_components
 from companion.desk.survey.tiled.tile_store import Key, Store, TileLayout
 from slz import SAFE, Box
 from slz.grid import common, within
-from slz.kernels.polygons.contour import squares
+from slz.kernels.polygons.boundary_tracing import squares
 
 NONE = np.iinfo(np.int64).max
 Labels = NDArray[np.int32]

@@ -21,7 +21,7 @@ from companion.flight.outputs.geojson_features import zone_polygon
 from params import Parameters
 from slz import Box
 from slz.grid import common
-from slz.kernels.polygons.contour import squares
+from slz.kernels.polygons.boundary_tracing import squares
 from slz.zones.description import Content, describe
 from slz.zones.detection import Candidate, search_components, side_in_cells
 

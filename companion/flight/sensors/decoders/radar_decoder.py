@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from companion.flight.sensors.returns import RawReturns, join_raw, nothing
 from slz.radar.heights import heights
-from slz.radar.interferogram import interferogram
+from slz.radar.interferogram import RadarLines, interferogram
 from slz.radar.interferometer import Interferometer
-from slz.radar.line_buffer import RadarLines
 
 MAGIC = b"SLZR"
 VERSION = 1

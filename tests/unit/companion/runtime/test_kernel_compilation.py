@@ -19,7 +19,7 @@ from companion.cli import console
 from companion.runtime import kernel_compilation
 from companion.runtime.interrupt import Interrupted
 
-IMPORTS_ROWS = "from slz.kernels.growable_array import (\n    b,\n)\n"
+IMPORTS_ROWS = "from slz.kernels.array_memory import (\n    b,\n)\n"
 KERNEL = "@kernel\ndef kernel(x: int) -> None: ...\n"
 KERNELS = ("slz/kernels/points/voxels", "companion/flight/fusion/placement")
 FLOWN = kernel_compilation.of_flight
@@ -94,7 +94,7 @@ def test_it_is_a_first_start_when_a_kernel_that_another_one_calls_is_newer(sourc
     between.touch()
     os.utime(between, (2000, 2000))
     assert not kernel_compilation.is_first(FLOWN())
-    os.utime(kernels / "growable_array.py", (3000, 3000))
+    os.utime(kernels / "array_memory.py", (3000, 3000))
     assert kernel_compilation.is_first(FLOWN())
 
 

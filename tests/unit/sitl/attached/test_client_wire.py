@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from sitl.__main__ import main
-from sitl.attached.client_wire import RETRY_S, TcpClientWire, open_client
+from sitl.attached.attach import RETRY_S, TcpClientWire, open_client
 from sitl.wire.wire import UdpWire, WireError
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sitl.attached.sensor_time import SensorTime
+from sitl.attached.pose_source import SensorTime
 
 STEP_NS = 10_000_000
 S = 1_000_000_000

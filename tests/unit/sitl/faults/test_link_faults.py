@@ -7,7 +7,7 @@ import pytest
 
 from sitl import scenes
 from sitl.faults import FaultyWire, build, link_faults
-from sitl.faults.faulty_wire import Treatment
+from sitl.faults.link_faults import Treatment
 from sitl.simulation import Simulation
 from sitl.wire.wire import MemoryWire
 

@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from sitl.truth import gear_options
 from sitl.truth.standing_gear import QUADCOPTER, Gear, gear_of, stances
+from sitl.truth.touchdown import add_gear_options, chosen_gear
 from sitl.world.primitives import Box, Cylinder, Ground, Solid
 from sitl.world.world import World
 
@@ -138,19 +138,19 @@ def test_beyond_the_world_nothing_rests_and_an_unknown_gear_is_refused() -> None
 
 def parsed(*words: str) -> argparse.Namespace:
     parser = argparse.ArgumentParser()
-    gear_options.add_options(parser)
+    add_gear_options(parser)
     return parser.parse_args(words)
 
 
 def test_without_options_it_is_the_quadcopter() -> None:
-    assert gear_options.chosen(parsed()) == QUADCOPTER
+    assert chosen_gear(parsed()) == QUADCOPTER
     assert parsed().tip_limit == 15.0
 
 
 def test_each_option_counts() -> None:
     words = "--gear skids --gear-length 3 --gear-width 2.2 --pad-radius 0.05 --clearance 0.4 --tip-limit 10"
     options = parsed(*words.split())
-    assert gear_options.chosen(options) == gear_of("skids", 3.0, 2.2, 0.05, 0.4)
+    assert chosen_gear(options) == gear_of("skids", 3.0, 2.2, 0.05, 0.4)
     assert options.tip_limit == 10.0
 
 

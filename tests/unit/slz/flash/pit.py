@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from sitl import scenes
-from sitl.scenes.borrow_pit import BOXES
+from sitl.scenes.hills import BOXES
 from sitl.sensors.flash import FlashLidar, RawFrame
 from slz.flash.camera import FlashCamera, FlashFrame
 from slz.flash.elevation import ElevationMap, elevation_map, grid_around, relative_elevation

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 import params
-from sitl.scenes.borrow_pit import BOXES
+from sitl.scenes.hills import BOXES
 from slz import SAFE, Pipeline
 from slz.flash.camera import FlashCamera, FlashFrame
 from slz.flash.elevation import elevation_map, grid_around, histogram_peaks
-from slz.flash.frame_processing import map_points, process_frame, sensor_points
+from slz.flash.frame_processing import Quality, map_points, process_frame, sensor_points
 from slz.flash.hazard_detection import find_hazards
-from slz.flash.triage import Quality
 from slz.frame import LocalFrame
 from slz.window import Window
 from tests.unit.slz.flash.pit import Pit, judge

@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from slz.flash.frame_processing import map_points, process_frame, sensor_points
-from slz.flash.median_filter import median_of_neighbours
-from slz.flash.triage import Quality
+from slz.flash.frame_processing import Quality, map_points, median_of_neighbours, process_frame, sensor_points
 from tests.unit.slz.flash.waveforms import frame_of, noisy_camera, some_peaks
 
 

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from slz.kernels.argument_types import Array1D, Array2D
+from slz.kernels.elementary_functions import median, ranked
 from slz.kernels.jit import kernel
-from slz.kernels.ranks import median, ranked
 from slz.kernels.simd import (
     LANES,
     broadcast,

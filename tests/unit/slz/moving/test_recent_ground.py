@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from slz import Nearby
-from slz.moving.recent_ground import KEPT_NS, RecentGround
+from slz.moving.raised_returns import KEPT_NS, RecentGround
 
 S = 1_000_000_000
 

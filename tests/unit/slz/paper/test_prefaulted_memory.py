@@ -11,9 +11,9 @@ import pytest
 import params
 from slz import LocalFrame, Pipeline, Report, Window
 from slz.grid import Box
+from slz.kernels.array_memory import demand_zeros, prefault_range
 from slz.kernels.cells.cell_record import TILE
 from slz.paper import paper_terrain
-from slz.terrain.demand_zero import demand_zeros, prefault_range
 from slz.terrain.tiled_raster import TiledLayers
 
 FRAME = LocalFrame(45.0, -75.0, 0.0)

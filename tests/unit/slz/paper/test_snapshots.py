@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slz.grid import Box
-from slz.paper.snapshots import SIDE, BlockCopies, heights_at, joined
+from slz.paper.paper_terrain import SIDE, BlockCopies, heights_at, joined
 
 ALL = np.array(True)  # of the blocks
 

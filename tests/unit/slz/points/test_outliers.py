@@ -8,8 +8,7 @@ import pytest
 from params import Parameters
 from slz.frame import LocalFrame
 from slz.points.outliers import is_dense_at, not_isolated
-from slz.stages.isolation_stage import Isolation
-from slz.stages.range_gate_stage import RangeGate
+from slz.stages.point_stages import Isolation, RangeGate
 from slz.window import Window
 from slz.window_returns import Flag, Returns
 

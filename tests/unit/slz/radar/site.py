@@ -16,7 +16,7 @@ from slz import Pipeline
 from slz.frame import LocalFrame
 from slz.grid import Grid
 from slz.radar.dem import RadarDem
-from slz.radar.line_buffer import RadarLines
+from slz.radar.interferogram import RadarLines
 from slz.window import Window
 
 F64 = NDArray[np.float64]

@@ -10,12 +10,10 @@ from sitl.sensors.radar import SideLooker, Track
 from sitl.world.primitives import Ground, Kind
 from sitl.world.world import World
 from slz.grid import Grid
-from slz.radar.accuracy import coherence
 from slz.radar.dem import RadarDem, fuse, observe
-from slz.radar.heights import heights
-from slz.radar.interferogram import interferogram
+from slz.radar.heights import coherence, heights
+from slz.radar.interferogram import RadarLines, interferogram
 from slz.radar.interferometer import Interferometer
-from slz.radar.line_buffer import RadarLines
 
 F64 = NDArray[np.float64]
 RADAR = Interferometer()

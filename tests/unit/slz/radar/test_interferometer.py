@@ -7,10 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from slz.kernels.instruments.phase_unwrapping import unwrap_by_quality
-from slz.radar.accuracy import coherence, height_error_m, phase_error_rad, whole_height_error_m
-from slz.radar.interferogram import interferogram
+from slz.radar.heights import coherence, height_error_m, phase_error_rad, whole_height_error_m
+from slz.radar.interferogram import RadarLines, interferogram
 from slz.radar.interferometer import Interferometer
-from slz.radar.line_buffer import RadarLines
 
 LOOKS = np.radians(np.arange(30.0, 61.0, 5.0))
 H_M = 75.0

@@ -22,9 +22,7 @@ from slz.kernels.surface.surface_record import (
     TALL,
 )
 from slz.surface import classification
-from slz.surface.classification import level_extents
-from slz.surface.surface_probabilities import SurfaceLayers
-from slz.surface.survey_classes import SurveyClasses
+from slz.surface.classification import SurfaceLayers, SurveyClasses, level_extents
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]

@@ -15,13 +15,13 @@ from slz.kernels.surface.surface_record import (
     LOST_NEAR,
     LOST_OBLIQUE,
     LOST_SLANTED,
+    NUMBERED,
     OBLIQUE,
     RAISED,
     REPORTED,
     SEVERAL,
     SLANTED,
     SQUARES,
-    TOLD,
     WATER,
 )
 from slz.surface.surface_kinds import SurfaceKind
@@ -50,7 +50,7 @@ def any_cells(seed: int, side: int = SIDE) -> SurfaceCells:
     lost = rng.uniform(0, 9, (2, *shape))
     values = {
         SQUARES: cells.fields[COUNT] * rng.exponential(0.05, shape) ** 2,
-        TOLD: cells.fields[COUNT],
+        NUMBERED: cells.fields[COUNT],
         SEVERAL: cells.fields[COUNT] * rng.random(shape),
         SLANTED: rng.integers(0, 20, shape),
         OBLIQUE: rng.integers(4, 20, shape),
@@ -127,8 +127,8 @@ def test_dark_returns_never_lower_it_and_bright_ones_never_raise_it() -> None:
     [
         {DARK: 0.0},  # intensity absent
         {DARK: -100.0},  # saturated
-        {TOLD: 0.0, SEVERAL: 0.0},  # numbers of echoes swapped: unknown
-        {TOLD: 50.0, SEVERAL: 0.0},
+        {NUMBERED: 0.0, SEVERAL: 0.0},  # numbers of echoes swapped: unknown
+        {NUMBERED: 50.0, SEVERAL: 0.0},
     ],
 )
 def test_without_other_evidence_the_shape_decides(absent: dict[int, float]) -> None:

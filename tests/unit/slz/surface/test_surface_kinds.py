@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 import params
 from slz.kernels.surface.surface_record import CANOPY, KIND, LOW_VEGETATION, N_LAYERS, RAISED, ROOF, WATER
+from slz.surface.classification import SurfaceLayers
 from slz.surface.surface_kinds import SurfaceHere, SurfaceKind
-from slz.surface.surface_probabilities import SurfaceLayers
 
 Flags = NDArray[np.bool_]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from slz.surface.classification import SurveyClasses
 from slz.surface.surface_kinds import SurfaceKind
-from slz.surface.survey_classes import SurveyClasses
 from tests.unit.slz.surface.made_ground import SUSPICION, classify, lake, made
 
 SIDE = 20

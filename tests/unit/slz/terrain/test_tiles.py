@@ -14,11 +14,11 @@ from params import Parameters
 from slz import SAFE, UNKNOWN, LocalFrame, Pipeline, PointState, Report, Window
 from slz.grid import Box, Grid
 from slz.kernels.cells.cell_record import TILE
-from slz.terrain.changes import DISPLAYED, read_changes
 from slz.terrain.terrain import EvidenceTerrain
+from slz.terrain.terrain_view import DISPLAYED, read_changes
 from slz.terrain.tiled_raster import TiledLayers
 from slz.terrain.tiles import LEAST_CAPACITY, TILE_BYTES, Noise, Tiles
-from slz.tile_keys import box_of_tile
+from slz.tile_slots import box_of_tile
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)
 EVERYWHERE = Box(-(10**6), 10**6, -(10**6), 10**6)

@@ -10,9 +10,8 @@ import params
 from slz import SAFE, UNKNOWN, UNSAFE, LocalFrame, Pipeline, Report, Window
 from slz.grid import Box
 from slz.landing_point.corridors import corridors
-from slz.wires.detected_wire import Wire
-from slz.wires.sagging_curve import SaggingCurve
-from slz.wires.wire_marks import WireMarks
+from slz.wires.detected_wire import SaggingCurve, Wire
+from slz.wires.wire_detector import WireMarks
 from tests.unit.slz.wires.worlds import Body, Catenary, approach, ground, seen, wire
 
 Floats = NDArray[np.float64]

@@ -10,7 +10,7 @@ from companion.flight.dashboard import map_block as blocks
 from companion.flight.dashboard.map_block import HEAD, SIDE, STEP_M
 from companion.flight.dashboard.tile_pyramid import TilePyramid, TilePyramids
 from slz import UNKNOWN, UNSAFE, Drawn, DrawnTile, LocalFrame, Pipeline, Window
-from slz.terrain.changes import DISPLAYED
+from slz.terrain.terrain_view import DISPLAYED
 
 TILE = 64
 

@@ -18,7 +18,7 @@ from companion.flight.sensing import Sources
 from companion.flight.sensors.diagnosis import explanation
 from companion.flight.sensors.diagnosis.lidar_diagnosis import Episode, LidarDiagnosis
 from slz import MovingObject, Nearby, Wire
-from slz.wires.sagging_curve import SaggingCurve
+from slz.wires.detected_wire import SaggingCurve
 from tests.integration.link_bench import on_simulated_clock
 from tests.unit.companion.flight.landing.flight import Flight, zone
 

@@ -38,7 +38,7 @@ from companion.runtime.lockstep_loop import LockstepLoop
 from params import Parameters
 from slz import Nearby, Report, Scan, Wire
 from slz.frame import LocalFrame
-from slz.wires.sagging_curve import SaggingCurve
+from slz.wires.detected_wire import SaggingCurve
 
 S = 1_000_000_000
 MS = 1_000_000

@@ -17,7 +17,7 @@ from slz.surface.surface_kinds import UNKNOWN_SURFACE
 from tests.unit.companion.flight.landing.flight import FRAME, GRID, Flight, zone
 
 ROOF = SurfaceHere(SurfaceKind.ROOF, 0.99123, 0.04, 25.22)
-TOLD = {"surface": "roof", "surface_probability": 0.991, "water": 0.04, "raised_m": 25.2}
+NUMBERED = {"surface": "roof", "surface_probability": 0.991, "water": 0.04, "raised_m": 25.2}
 
 
 def report() -> Report:
@@ -43,22 +43,22 @@ def only(names: dict[str, Any], document: dict[str, Any]) -> dict[str, Any]:
     ],
 )
 def test_nothing_unknown_is_given_as_a_number(surface: SurfaceHere, values: tuple[Any, ...]) -> None:
-    assert surface_summary(surface) == dict(zip(TOLD, values, strict=True))
+    assert surface_summary(surface) == dict(zip(NUMBERED, values, strict=True))
 
 
 def test_features_and_points_hold_the_surface() -> None:
     found = report()
-    assert only(TOLD, zone_feature(found.zones[0], GRID, FRAME)["properties"]) == TOLD
-    assert only(TOLD, zone_feature(found.zones[1], GRID, FRAME)["properties"]) == dict.fromkeys(TOLD)
+    assert only(NUMBERED, zone_feature(found.zones[0], GRID, FRAME)["properties"]) == NUMBERED
+    assert only(NUMBERED, zone_feature(found.zones[1], GRID, FRAME)["properties"]) == dict.fromkeys(NUMBERED)
     assert found.selected is not None
-    assert only(TOLD, point_summary(found.selected, FRAME)) == TOLD
+    assert only(NUMBERED, point_summary(found.selected, FRAME)) == NUMBERED
 
 
 def test_recordings_hold_the_surface_as_geojson_and_on_the_label() -> None:
     found = report()
     data = geojson(found).encode()
     features = json.loads(data[data.index(b"{") :])["features"]
-    assert only(TOLD, features[0]["properties"]) == TOLD
+    assert only(NUMBERED, features[0]["properties"]) == NUMBERED
     texts = repr(scene(found, 0))
     assert "1: 100 m2, 0.990, roof, 25 m up" in texts
     assert '2: 100 m2, 0.990"' in texts

@@ -11,7 +11,7 @@ import pytest
 from companion.flight.outputs.geojson_features import hazard_features, wire_feature, wire_summary
 from companion.flight.recorder.journal import report_document
 from slz import LocalFrame, Wire
-from slz.wires.sagging_curve import SaggingCurve
+from slz.wires.detected_wire import SaggingCurve
 from tests.unit.companion.flight.landing.flight import Flight
 
 FRAME = LocalFrame(47.0, 8.0, 400.0)

@@ -113,9 +113,9 @@ def test_a_change_is_kept_answered_and_in_force_at_once_where_it_may_be() -> Non
         ("SLZ_FUSING", 2.0, "must be mean or max"),
         ("SLZ_FUSING", -1.0, "must be mean or max"),
         ("SLZ_CELL_M", 3.5, "cell_m (3.5) must not exceed min_square_m (3.0)"),
-        ("SLZ_ODOMETRY", 2.0, f"autopilot must not fly: {params.table.ODOMETRY_TO_AUTOPILOT}"),
+        ("SLZ_ODOMETRY", 2.0, f"autopilot must not fly: {params.mapping_parameters.ODOMETRY_TO_AUTOPILOT}"),
         ("SLZ_ODOMETRY", 3.0, "must be off or map"),
-        ("SLZ_MODE", 1.0, f"source must not fly: {params.table.SOURCE_MODE}"),
+        ("SLZ_MODE", 1.0, f"source must not fly: {params.mapping_parameters.SOURCE_MODE}"),
     ],
 )
 def test_a_wrong_value_is_refused_the_old_one_echoed_and_the_reason_told(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.aiding.external_navigation import ExternalNavigation
-from sitl.autopilot.aiding.jitter_correction import JitterCorrection
+from sitl.autopilot.aiding.source_sets import JitterCorrection
 from sitl.autopilot.parameters import DEFAULTS, in_range
 from tests.unit.sitl.autopilot.aiding.external_poses import BODY_FRD, LOCAL_FRD, UNKNOWN, odometry
 

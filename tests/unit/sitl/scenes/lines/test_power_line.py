@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sitl import scenes
-from sitl.scenes.lines.catenary import constant_m, heights_m, span
+from sitl.scenes.power_lines import constant_m, heights_m, span
 from sitl.scenes.scene import Scene
 from sitl.truth.truth import safe_map
 from sitl.world.primitives import Wire

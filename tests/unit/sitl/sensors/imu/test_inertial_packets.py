@@ -11,7 +11,7 @@ import pytest
 
 from sitl import scenes
 from sitl.faults import build
-from sitl.sensors.imu.inertial_packets import LivoxInertialPackets, OusterInertialPackets
+from sitl.sensors.imu.inertial_port import LivoxInertialPackets, OusterInertialPackets
 from sitl.sensors.imu.inertial_unit import GRAVITY_MS2, InertialSamples
 from sitl.simulation import Simulation
 from sitl.wire.wire import MemoryWire

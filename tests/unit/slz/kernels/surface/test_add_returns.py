@@ -23,6 +23,7 @@ from slz.kernels.surface.surface_record import (
     NADIR_DEG,
     NADIR_LIGHT,
     NADIR_M,
+    NUMBERED,
     OBLIQUE,
     OBLIQUE_DEG,
     SEVERAL,
@@ -30,7 +31,6 @@ from slz.kernels.surface.surface_record import (
     SQUARES,
     TALL,
     TIME,
-    TOLD,
 )
 from tests.unit.slz.kernels.surface.surface_tiles import Floats, Tiles, seen_from
 
@@ -73,7 +73,7 @@ def test_a_height_that_is_too_uncertain_counts_for_incidence_and_echoes_only() -
     tiles = Tiles()
     tiles.add(column(np.zeros(3)), SENSOR - (30, 0, 0), np.zeros(3, np.bool_), echoes=np.array([1, 2, 1]))
     cell = tiles.cell(*UNDER)
-    assert (cell[COUNT], cell[OBLIQUE], cell[TOLD], cell[SEVERAL]) == (0, 3, 3, 1)
+    assert (cell[COUNT], cell[OBLIQUE], cell[NUMBERED], cell[SEVERAL]) == (0, 3, 3, 1)
 
 
 @pytest.mark.parametrize(
@@ -102,7 +102,7 @@ def test_echoes_count_where_their_number_is_known() -> None:
     tiles = Tiles()
     tiles.add(column(np.zeros(6)), echoes=np.array([0, 0, 1, 1, 2, 3]))
     tiles.add(column(np.zeros(6)))
-    assert tiles.cell(*UNDER)[[TOLD, SEVERAL]].tolist() == [4, 2]
+    assert tiles.cell(*UNDER)[[NUMBERED, SEVERAL]].tolist() == [4, 2]
 
 
 @pytest.mark.parametrize(
@@ -147,7 +147,7 @@ def test_sums_of_very_many_returns_stay_exact_and_in_proportion() -> None:
     assert cell[COUNT] <= MOST_COUNT
     assert cell[MEAN] == pytest.approx(200, abs=2e-3)
     assert np.sqrt(cell[SQUARES] / cell[COUNT]) == pytest.approx(0.05, rel=0.05)
-    assert cell[SEVERAL] / cell[TOLD] == pytest.approx(0.75, abs=0.01)
+    assert cell[SEVERAL] / cell[NUMBERED] == pytest.approx(0.75, abs=0.01)
     assert cell[OBLIQUE] == pytest.approx(cell[COUNT], rel=1e-3)
 
 

@@ -7,9 +7,9 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from slz.kernels.surface.dark_returns import dark_returns
-from slz.kernels.surface.neighbourhood import box_sums
+from slz.kernels.surface.masks import box_sums
 from slz.kernels.surface.surface_record import DARK
+from slz.kernels.surface.water_returns import dark_returns
 from tests.unit.slz.surface.made_ground import SUSPICION, classify, lake, made, with_fields
 
 LAKE = made(lake(8.0), 80)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from slz.kernels.surface.penetration import penetration
-from slz.kernels.surface.surface_record import SEVERAL, TOLD
+from slz.kernels.surface.raised_plateaus import penetration
+from slz.kernels.surface.surface_record import NUMBERED, SEVERAL
 from slz.surface.surface_kinds import SurfaceKind
 from tests.unit.slz.surface.made_ground import (
     Floats,
@@ -89,7 +89,7 @@ def test_few_returns_tell_no_plants() -> None:
 def test_rays_with_several_returns_speak_for_plants_and_rays_with_one_against_nothing() -> None:
     cells = flat()
     before = penetration(cells.fields)
-    one = penetration(with_fields(cells, {TOLD: 20.0}).fields)
-    many = penetration(with_fields(cells, {TOLD: 20.0, SEVERAL: 5.0}).fields)
+    one = penetration(with_fields(cells, {NUMBERED: 20.0}).fields)
+    many = penetration(with_fields(cells, {NUMBERED: 20.0, SEVERAL: 5.0}).fields)
     np.testing.assert_array_equal(one, before)
     assert (many >= before + 2.9).all()

@@ -9,8 +9,7 @@ from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from slz.kernels.surface.plateaus import connect
-from slz.kernels.surface.raised_plateaus import LEAST_DROP_M, MOST_DROPS, plateau_edges
+from slz.kernels.surface.raised_plateaus import LEAST_DROP_M, MOST_DROPS, connect, plateau_edges
 
 Cells = NDArray[np.float32]
 

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from slz.kernels.surface.even_falls import even_falls
+from slz.kernels.surface.level_extents import even_falls
 from slz.kernels.surface.masks import REACH, bounding_boxes, closed_mask, connected_parts, with_holes
 from slz.kernels.surface.smooth_planes import FEWEST, FEWEST_CELLS, PLANE_RADIUS, smooth_planes
 from slz.kernels.surface.surface_record import GRADIENT, LEVEL, RESIDUAL, N

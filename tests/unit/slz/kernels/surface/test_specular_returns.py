@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from slz.kernels.surface.specular_returns import BRIGHTER, BRIGHTEST, specular_returns
 from slz.kernels.surface.surface_record import ASIDE, ASIDE_LIGHT, ASIDE_M, MEAN, NADIR, NADIR_LIGHT, NADIR_M
+from slz.kernels.surface.water_returns import BRIGHTER, BRIGHTEST, specular_returns
 from tests.unit.slz.surface.made_ground import (
     SUSPICION,
     SurfaceCells,

@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from slz.kernels.surface.surface_record import LOST_OBLIQUE, LOST_SLANTED, OBLIQUE, REPORTED, SLANTED
-from slz.kernels.surface.vanishing_returns import vanishing_returns
+from slz.kernels.surface.water_returns import vanishing_returns
 from tests.unit.slz.surface.made_ground import SurfaceCells, extents_of, made, places, with_fields
 
 SIDE = 24

@@ -10,7 +10,7 @@ import numpy as np
 from companion.flight.geometry.wind import Wind
 from companion.flight.landing.situation import Phase
 from slz import SAFE, UNKNOWN, UNSAFE, Corridors, PointState, Wire
-from slz.wires.sagging_curve import SaggingCurve
+from slz.wires.detected_wire import SaggingCurve
 from tests.unit.companion.flight.landing.flight import Flight, zone
 from tests.unit.companion.flight.landing.ways.corridors import made
 

@@ -11,7 +11,7 @@ from companion.flight.landing.situation import Severity
 from companion.flight.outputs.announcers.wire_announcer import WireAnnouncer
 from slz import LocalFrame, Nearby, Report, Wire
 from slz.landing_point.judgement import unknown
-from slz.wires.sagging_curve import SaggingCurve
+from slz.wires.detected_wire import SaggingCurve
 from tests.unit.companion.flight.landing.flight import Flight
 
 
