@@ -10,11 +10,10 @@ from typing import Any
 
 from companion.desk import figures
 from companion.desk.clouds.cloud import read
-from companion.desk.survey import survey_files
+from companion.desk.survey import MapOptions, survey_files
 from companion.desk.survey.atomic_folder import finish, locked_folder, temporary_folder, work_folder
 from companion.desk.survey.cloud_survey import survey
 from companion.desk.survey.findings import Findings, MapsInMemory, of_window
-from companion.desk.survey.map_options import MapOptions
 from companion.desk.survey.survey_corridors import check_reach
 from companion.desk.survey.survey_summary import summary
 from companion.desk.survey.tiled.task_engine import InProcess

@@ -11,7 +11,7 @@ import pytest
 
 from companion.desk.clouds.cloud import open_clouds, open_source
 from companion.desk.clouds.crs import from_option
-from companion.desk.survey.map_options import MapOptions
+from companion.desk.survey import MapOptions
 from companion.desk.survey.tiled.census import first_guess
 from companion.desk.survey.tiled.lattice import Lattice
 from companion.desk.survey.tiled.plan import MANIFEST, claim, spacing
