@@ -336,7 +336,9 @@ def test_demo_ends_with_1_unless_it_landed_on_safe_ground(
 ) -> None:
     summary = {"landed": landed, "touchdown_safe": safe}
     monkeypatch.setattr("companion.desk.demo.demonstration.fly", lambda *_, **__: summary)
-    monkeypatch.setattr("companion.cli.demo.table", lambda told: f"how it ended: {told['touchdown_safe']}")
+    monkeypatch.setattr(
+        "companion.desk.demo.flight_files.table", lambda told: f"how it ended: {told['touchdown_safe']}"
+    )
     assert ended("demo", "--headless") == code
     assert f"how it ended: {safe}" in capsys.readouterr().out
 
