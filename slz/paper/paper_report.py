@@ -80,9 +80,3 @@ class PaperZone(Zone):
     cells: Lazy[NDArray[np.uint8]] = Lazy()
     corners_enu_m: Lazy[NDArray[np.float64]] = Lazy()
     obstacles: Lazy[Sequence[Obstacle]] = Lazy()
-
-    def with_reason(self, why: str) -> PaperZone:
-        """Return a copy with the reason for its rank; lazy fields stay unread."""
-        zone = object.__new__(PaperZone)
-        vars(zone).update(vars(self), why=why)
-        return zone

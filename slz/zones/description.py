@@ -139,11 +139,13 @@ class Content:
             *(NO_GROUPS if before is None else before.grounds),
         )  # fmt: skip
         corners = without_collinear(candidate.boundary_cells)
+        corners_enu_m = np.empty((len(corners), 3))
+        corners_enu_m[:, :2], corners_enu_m[:, 2] = grid.centres(corners), heights_at(*heights[:5], corners)
         return cls(
             candidate=candidate,
             cells=cells,
             statistics=statistics,
-            corners_enu_m=np.column_stack([grid.centres(corners), heights_at(*heights[:5], corners)]),
+            corners_enu_m=corners_enu_m,
             obstacles=obstacles,
             grounds=grounds,
             farthest=farthest,

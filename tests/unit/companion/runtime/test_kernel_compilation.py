@@ -85,7 +85,7 @@ def test_it_is_a_first_start_when_a_kernel_that_another_one_calls_is_newer(sourc
     for name, text in (
         ("points/voxels", KERNEL + "from companion.flight.fusion.between import a\n"),
         ("../../companion/flight/fusion/between", KERNEL + IMPORTS_ROWS),
-        ("growable_array", ""),
+        ("array_memory", ""),
     ):
         (kernels / f"{name}.py").write_text(text)
         os.utime(kernels / f"{name}.py", (1000, 1000))
