@@ -79,7 +79,6 @@ LONG = (
     "tests.campaign",
     "tests.fuzz",
     "tests.soak",
-    "tests.answers",
     "tests.search",
     "tests.opinion",
     "sitl.benchmark_scene",
