@@ -156,7 +156,7 @@ class Executive:
 
     @property
     def mapping(self) -> bool:
-        """Whether scans are mapped: not close to the point, where rotors blow up dust."""
+        """True if scans are mapped: not close to the point, where rotors blow up dust."""
         aim = self.progress.aim
         low = aim.height_left_m < self.parameters.dust_height_m
         if self.phase is Phase.LANDED:  # the next flight may go below the point

@@ -37,7 +37,7 @@ class Landing:
 
     @property
     def has_point(self) -> bool:
-        """Whether there is a target point."""
+        """True if there is a target point."""
         return all(map(math.isfinite, (self.lat_deg, self.lon_deg, self.alt_m)))
 
     def is_of(self, sysid: int | None, boot_ms: int | None) -> bool:

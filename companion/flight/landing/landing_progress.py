@@ -57,5 +57,5 @@ class LandingProgress:
 
     @property
     def is_urgent(self) -> bool:
-        """Whether the landing under way takes what is reached soonest."""
+        """True if the landing under way takes what is reached soonest."""
         return self.request is not None and self.request.urgent

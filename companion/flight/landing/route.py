@@ -63,7 +63,7 @@ class Route:
 
     @property
     def begun(self) -> bool:
-        """Whether there is a corner to fly to."""
+        """True if there is a corner to fly to."""
         return self._corner is not None
 
     def start_search(self, position_enu_m: Vector, height_above_home_m: float, least_m: float) -> None:

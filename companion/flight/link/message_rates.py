@@ -156,7 +156,7 @@ class OldMessageWatch:
         self._told = False
 
     def is_news(self, count: int, now_ns: int) -> bool:
-        """Return whether to warn now; `count`: old messages since the start, none of which was used."""
+        """Return whether to warn now; `count`: old messages since the start, all unused."""
         if self._begun_ns is None or now_ns - self._begun_ns > WITHIN_NS:
             self._begun_ns, self._count = now_ns, count
         if self._told or count - self._count < MANY:

@@ -50,7 +50,7 @@ class CrossingWait:
 
     @property
     def is_on(self) -> bool:
-        """Whether the vehicle waits."""
+        """True if the vehicle waits."""
         return self._since_ns is not None
 
     def reset(self) -> None:

@@ -23,7 +23,7 @@ class LateAbort:
         self._was_silent = False  # since the decision
 
     def is_void(self, s: Situation) -> bool:
-        """Return whether the landing that was given up is to be watched again; call it at every step."""
+        """Return whether a landing that was given up must be watched again; call it at every step."""
         progress = self._progress
         if progress.phase not in (Phase.CLIMB, Phase.HOLD) or not self._ownership.lands_for_us(s):
             self._was_silent = False

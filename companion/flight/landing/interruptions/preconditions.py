@@ -124,7 +124,7 @@ MOST_DRIFT_M = 0.8  # in ten seconds; a receiver under a clear sky wanders by a 
 
 @dataclass(frozen=True, slots=True)
 class Breach:
-    """A violated precondition, the reaction, and the text for the pilot; is_new: it is to be reported."""
+    """A violated precondition, the reaction, and the text for the pilot; is_new: not reported yet."""
 
     precondition: Precondition
     reaction: Reaction

@@ -48,7 +48,7 @@ class ObliqueLook:
 
     @property
     def is_under_way(self) -> bool:
-        """Whether the ring is flown now."""
+        """True if the ring is flown now."""
         return self._since_ns is not None and not self._is_over
 
     def offset(

@@ -61,7 +61,7 @@ class Descent:
 
     @property
     def waits(self) -> bool:
-        """Whether the vehicle holds while somebody crosses the point."""
+        """True if the vehicle holds while somebody crosses the point."""
         return self._wait.is_on
 
     def resume(self, s: Situation, enu_m: Vector) -> None:

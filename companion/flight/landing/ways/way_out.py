@@ -35,7 +35,7 @@ class WayOut:
 
     @property
     def leads_aside(self) -> bool:
-        """Whether the vehicle leaves aside at present."""
+        """True if the vehicle leaves aside at present."""
         return self._blocked_at_m is not None and self._outward is not None
 
     def velocity_enu_ms(

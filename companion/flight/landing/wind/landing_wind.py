@@ -86,7 +86,7 @@ class IntoWind:
 
 
 class WindLimit:
-    """Whether gusts exceed the limit.
+    """Limit of gusts, and whether they exceed it.
 
     Attributes
     ----------
