@@ -10,10 +10,12 @@ from asyncio.subprocess import PIPE
 from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, cast
 
 import params
 from companion.flight.link.link import Link
 from companion.flight.link.wire.signing import Signing
+from companion.flight.mapping.latest_report import LatestReport
 from companion.flight.services.services import Services
 from companion.flight.services.settings import Settings
 from companion.runtime.state_directory import StateDir
@@ -23,11 +25,21 @@ STEP_S = 30.0
 
 
 @dataclass
+class Given:
+    """Report that stays valid as long as it is given; None for none."""
+
+    report: Any = None
+
+    def valid(self, _at_ns: int) -> Any:
+        return self.report
+
+
+@dataclass
 class Ship:
     """What flies: the link and services of a companion, and where a ground station connects.
 
     station_port: TCP, of the simulator, which forwards. link_port: UDP, of the companion itself. state: what
-    it remembers.
+    it remembers. latest: the report of its map.
     """
 
     link: Link
@@ -36,6 +48,7 @@ class Ship:
     station_port: int
     link_port: int
     state: StateDir
+    latest: Given
 
 
 @contextlib.asynccontextmanager
@@ -56,12 +69,13 @@ async def ship(
         remembered = StateDir(state)
         settings = Settings(params.build(values), remembered)
         link = Link(f"udpin:127.0.0.1:{port}", settings.live, signing)
-        services = Services(link, settings, signing, remembered)
+        latest = Given()
+        services = Services(link, settings, signing, remembered, cast(LatestReport, latest))
         tasks = [asyncio.create_task(link.run()), asyncio.create_task(services.run())]
         try:
             await until(lambda: link.connected)
             station_port = int(ready["mavlink"][1].rpartition(":")[2])
-            yield Ship(link, settings, services, station_port, port, remembered)
+            yield Ship(link, settings, services, station_port, port, remembered, latest)
         finally:
             await link.close()
             tasks[1].cancel()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -41,10 +40,6 @@ def report(*east_m: float) -> Any:
     return SimpleNamespace(frame=LocalFrame(*ORIGIN), near=SimpleNamespace(zones=zones))
 
 
-def always(given: Any) -> Callable[[], Any]:
-    return lambda: given
-
-
 async def settled(flown: Ship, uploads: int) -> None:
     rally = flown.services.rally
     await until(lambda: rally.uploads >= uploads and not rally.busy)
@@ -59,7 +54,7 @@ async def test_mavsdk_s_own_point_stays_and_ours_are_read_back(tmp_path: Path) -
             raw = MissionRawAsync(system)
             own = MissionItem(0, 3, 5100, 0, 1, 0.0, 0.0, 0.0, 0.0, *OWN, 2)
             await raw.upload_rally_points([own])
-            flown.services.report = always(report(30.0, 60.0))
+            flown.latest.report = report(30.0, 60.0)
             await settled(flown, 1)
             items = await raw.download_rallypoints()
             assert [(i.command, i.frame) for i in items] == [(5100, 3)] * 3
@@ -76,7 +71,7 @@ async def test_mavproxy_lists_our_points(tmp_path: Path, mavproxy: Path) -> None
         ship(tmp_path, *FLYING, rally="on") as flown,
         Station.at(mavproxy, flown.station_port, tmp_path) as station,
     ):
-        flown.services.report = always(report(30.0, 60.0))
+        flown.latest.report = report(30.0, 60.0)
         await settled(flown, 1)
         await station.hears("Detected vehicle")
         await station.says("rally list")

@@ -39,7 +39,7 @@ class Executive:
 def desk(frame: LocalFrame | None = FRAME) -> tuple[MavlinkOrders, Executive]:
     executive = Executive()
     order_desk = OrderDesk(cast(Any, executive), lambda: cast(Any, SITUATION), 500.0)
-    return MavlinkOrders(order_desk, lambda: frame), executive
+    return MavlinkOrders(order_desk, SimpleNamespace(frame=frame)), executive
 
 
 def command(*params: float, at: tuple[float, float, float] = (0, 0, 0), **more: Any) -> OperatorCommand:
