@@ -17,8 +17,9 @@ demo: $(PROGRAM)
 
 # After an edit: kernels against slow plain code, the rules of the landing, parameters, what is on the wire.
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest -q
-QUICK := tests/oracle tests/unit/slz/kernels tests/unit/params tests/unit/companion/flight/landing \
-    tests/unit/companion/flight/link/wire tests/unit/companion/flight/sensors/decoders
+RULES := test_check_order.py test_mavlink_orders.py interruptions/test_preconditions.py
+QUICK := tests/oracle tests/unit/params tests/unit/companion/flight/link/wire \
+    $(addprefix tests/unit/companion/flight/landing/,$(RULES))
 quick: setup
 	$(PYTEST) -n 2 -m "not long and not bench" $(QUICK)
 
