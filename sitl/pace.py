@@ -10,6 +10,12 @@ from collections.abc import Callable
 
 from sitl.wire.wire import WireError
 
+LONGEST_SLEEP_S = 0.1
+SLOW = "too slow for real time: the simulated clocks fall behind; stop other programs or lower --point-rate"
+SKIPPED = "too slow for real time: LiDAR scans are left out; stop other programs or lower --point-rate"
+SKIPPED_NS = 1_000_000_000
+SLIP_S = 2.0  # simulated lag behind the pace beyond which the lost time is not caught up
+
 
 class LockstepServer:
     """Server for one client on the loopback interface."""
@@ -51,13 +57,6 @@ class LockstepServer:
 
     def close(self) -> None:
         self._server.close()
-
-
-LONGEST_SLEEP_S = 0.1
-SLOW = "too slow for real time: the simulated clocks fall behind; stop other programs or lower --point-rate"
-SKIPPED = "too slow for real time: LiDAR scans are left out; stop other programs or lower --point-rate"
-SKIPPED_NS = 1_000_000_000
-SLIP_S = 2.0  # simulated lag behind the pace beyond which the lost time is not caught up
 
 
 class Pace:

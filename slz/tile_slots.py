@@ -13,6 +13,7 @@ from slz.kernels.cells.cell_record import TILE
 from slz.kernels.cells.tile_directory import enter, remove, slots_over
 
 Key = tuple[int, int]
+NO_TABLE = np.empty((0, 0), np.int32)
 
 
 def keys_over(box: Box) -> tuple[Key, ...]:
@@ -38,9 +39,6 @@ def tiles_over(box: Box) -> tuple[Key, tuple[int, int]]:
     """Return the first tile of a box, and the number of rows and columns of tiles."""
     row, col = box.row0 // TILE, box.col0 // TILE
     return (row, col), ((box.row1 - 1) // TILE - row + 1, (box.col1 - 1) // TILE - col + 1)
-
-
-NO_TABLE = np.empty((0, 0), np.int32)
 
 
 class TileStore:

@@ -61,11 +61,11 @@ class Zone:
     """One safe landing zone (SLZ paper, sections 3.3-3.4).
 
     box: bounding box of its cells in the grid. cells: uint8 over that box, 1 = zone, the safe cells only.
-    boundary_cells: (n, 2) traced rows and
-    columns in the grid. corners_enu_m: (m, 3) boundary after the collinear filter. Counts are of cells inside
-    the contour: safe, unsafe (measured), uncertain (no elevation). certainty: mean probability of the cells
-    inside the contour, 0 where unknown. slope_deg, roughness: means over its measured safe cells. why: reason
-    for its rank behind the zone before it. What differs in source mode is in `slz.paper.paper_zone`.
+    boundary_cells: (n, 2) traced rows and columns in the grid. corners_enu_m: (m, 3) boundary after the
+    collinear filter. Counts are of cells inside the contour: safe, unsafe (measured), uncertain (no
+    elevation). certainty: mean probability of the cells inside the contour, 0 where unknown. slope_deg,
+    roughness: means over its measured safe cells. why: reason for its rank behind the zone before it. What
+    differs in source mode is in `slz.paper.paper_zone`.
     """
 
     id: int

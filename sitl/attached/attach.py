@@ -20,6 +20,14 @@ from sitl.wire.wire import Outlet, Peer, Wire, WireError, is_port, open_wire
 
 RETRY_S = 0.5
 CONNECT_S = 0.3
+IDLE_S = 0.002
+# Options of the whole vehicle; the followed autopilot has its own.
+FOREIGN = (
+    "airframe",
+    *("mavlink", "mavlink_key", "lockstep", "speedup", "pilot", "takeoff_alt", "intruder"),
+    *("fault", "drift", "param", "imu_to", "wind", "wind_from", "gust"),
+)
+FLAT_ENOUGH = 0.98
 
 
 class TcpClientWire(Wire):
@@ -99,16 +107,6 @@ def open_client(url: str) -> Wire:
             "or a device"
         )
     return open_wire(url)
-
-
-IDLE_S = 0.002
-# Options of the whole vehicle; the followed autopilot has its own.
-FOREIGN = (
-    "airframe",
-    *("mavlink", "mavlink_key", "lockstep", "speedup", "pilot", "takeoff_alt", "intruder"),
-    *("fault", "drift", "param", "imu_to", "wind", "wind_from", "gust"),
-)
-FLAT_ENOUGH = 0.98
 
 
 def refuse_foreign(options: argparse.Namespace, defaults: Callable[[str], object]) -> None:

@@ -26,6 +26,18 @@ SLIP_NS = 15_000_000
 SLIP_COUNT = 20
 # Beyond this error, the simulator was paused, and the sensor with it.
 PAUSE_NS = 1_000_000_000
+F64 = NDArray[np.float64]
+Kind = Literal["ardupilot", "px4", "other"]
+Place = tuple[float, float, float]
+POSE_HZ = 100.0
+# An autopilot without a true pose for this long after its estimate does not send any.
+PATIENCE_NS = 3_000_000_000
+TRUE_POSE: dict[Kind, str] = {"ardupilot": "SIM_STATE", "px4": "HIL_STATE_QUATERNION"}
+STANDING_M: dict[Kind, float] = {"ardupilot": 0.1}
+"""Height of the true pose above ground when landed; 0 for other autopilots (SITL's frame_height).
+"""
+# MAV_TYPE of other autopilots on a shared line: antenna tracker, station, rover, boat, submarine.
+NO_AIRCRAFT = frozenset({5, 6, 10, 11, 12})
 
 
 class SensorTime:
@@ -88,19 +100,6 @@ class SensorTime:
         return slip_ns
 
 
-F64 = NDArray[np.float64]
-Kind = Literal["ardupilot", "px4", "other"]
-Place = tuple[float, float, float]
-
-POSE_HZ = 100.0
-# An autopilot without a true pose for this long after its estimate does not send any.
-PATIENCE_NS = 3_000_000_000
-TRUE_POSE: dict[Kind, str] = {"ardupilot": "SIM_STATE", "px4": "HIL_STATE_QUATERNION"}
-STANDING_M: dict[Kind, float] = {"ardupilot": 0.1}
-"""Height of the true pose above ground when landed; 0 for other autopilots (SITL's frame_height).
-"""
-
-
 @dataclass(frozen=True, slots=True)
 class Pose:
     """Pose at a time since boot; lla is latitude, longitude (degrees), altitude above mean sea level (m).
@@ -140,10 +139,6 @@ def streams(kind: Kind) -> tuple[Stream, ...]:
         Stream(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 5.0),
         Stream(mavlink.MAVLINK_MSG_ID_HOME_POSITION, 1.0),
     )
-
-
-# MAV_TYPE of other autopilots on a shared line: antenna tracker, station, rover, boat, submarine.
-NO_AIRCRAFT = frozenset({5, 6, 10, 11, 12})
 
 
 class PoseSource:

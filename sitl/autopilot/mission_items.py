@@ -18,6 +18,8 @@ REPEAT_NS = 1_000_000_000
 GIVE_UP_NS = 8_000_000_000
 RELATIVE_FRAMES = (mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT)
 GLOBAL_FRAMES = (*RELATIVE_FRAMES, mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT)
+F64 = NDArray[np.float64]
+RALLY_POINT = 5100
 
 
 @dataclass(frozen=True, slots=True)
@@ -231,11 +233,6 @@ def place_fault(message: Any) -> int:
 
 def _sender(message: Any) -> tuple[int, int]:
     return message.get_srcSystem(), message.get_srcComponent()
-
-
-F64 = NDArray[np.float64]
-
-RALLY_POINT = 5100
 
 
 class Rally(MissionItems):

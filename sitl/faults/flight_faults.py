@@ -16,6 +16,21 @@ if TYPE_CHECKING:
     from sitl.simulation import Simulation
 
 DEFLECTION_US = (150.0, 400.0)
+LOW_V = (9.6, 10.4)
+FENCES = ("FENCE_ALT_MAX", "FENCE_RADIUS")
+SHARE = (0.3, 0.9)
+RETURN = 2.0
+# Direction, speed and vertical speed: not numbers, endless, negative, faster than any wind on Earth.
+ABSURD = (
+    (math.nan, math.nan, math.nan),
+    (90.0, math.inf, 0.0),
+    (math.nan, 5.0, 0.0),
+    (0.0, -4.0, 0.0),
+    (180.0, 200.0, 0.0),
+    (1e30, 3.0, 0.0),
+)
+ABOVE_M = 0.5
+SINKING_MS = 0.1
 
 
 class PilotStick(Fault):
@@ -31,12 +46,6 @@ class PilotStick(Fault):
 
     def stop(self, simulation: Simulation) -> None:
         simulation.autopilot.receiver.transmitter[self._channel] = AT_REST[self._channel]
-
-
-LOW_V = (9.6, 10.4)
-FENCES = ("FENCE_ALT_MAX", "FENCE_RADIUS")
-SHARE = (0.3, 0.9)
-RETURN = 2.0
 
 
 class GpsLoss(Fault):
@@ -97,17 +106,6 @@ class FenceBreach(Fault):
         simulation.autopilot.parameters["FENCE_ENABLE"] = 0.0
 
 
-# Direction, speed and vertical speed: not numbers, endless, negative, faster than any wind on Earth.
-ABSURD = (
-    (math.nan, math.nan, math.nan),
-    (90.0, math.inf, 0.0),
-    (math.nan, 5.0, 0.0),
-    (0.0, -4.0, 0.0),
-    (180.0, 200.0, 0.0),
-    (1e30, 3.0, 0.0),
-)
-
-
 class WindMissing(Fault):
     """The autopilot sends no WIND."""
 
@@ -132,10 +130,6 @@ class WindAbsurd(Fault):
 
     def _spoilt(self, _message: Any) -> Any:
         return mavlink.MAVLink_wind_message(*next(self._numbers))
-
-
-ABOVE_M = 0.5
-SINKING_MS = 0.1
 
 
 class BelowHeight:

@@ -16,6 +16,13 @@ if TYPE_CHECKING:
     from sitl.simulation import Simulation
 
 Write = Callable[[bytes], None]
+Arriving = list[tuple[float, bytes]]
+LOST_SHARE = 0.3
+BURST_S = 0.6
+DELAY_S = 0.5
+DUPLICATED, COPY_S, OLD_COPY_S = 0.3, 0.3, 5.0
+SHUFFLE_S = 0.25
+CORRUPTED, MOST_BITS = 0.2, 8
 
 
 class Treatment(Protocol):
@@ -90,16 +97,6 @@ class FaultyWire(Wire):
             self._order += 1
             out.append((now + round(delay_s * 1e9), self._order, rest))
         return out
-
-
-Arriving = list[tuple[float, bytes]]
-
-LOST_SHARE = 0.3
-BURST_S = 0.6
-DELAY_S = 0.5
-DUPLICATED, COPY_S, OLD_COPY_S = 0.3, 0.3, 5.0
-SHUFFLE_S = 0.25
-CORRUPTED, MOST_BITS = 0.2, 8
 
 
 class LinkFault(Fault):

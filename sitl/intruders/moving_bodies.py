@@ -15,6 +15,22 @@ FROM_M = 18.0
 BESIDE_M = 2.5  # greatest distance from the point at which it passes
 STEEPEST_M = 4.0  # difference of heights along a way: walls and roofs are not crossed
 TRIES = 24
+GRAVITY = 9.81
+RADIUS_M = (0.125, 0.2)
+BALL_SPEED_MS = (6.0, 12.0)
+RISE_MS = (1.0, 4.0)
+"""Speed upward at the kick."""
+RESTITUTION = 0.6  # of the speed; FIFA's test of turf: 0.6 to 0.85 m after a fall of 2 m
+SLOWED = 0.8  # share of the speed along the ground that a bounce leaves
+ROLLING = 0.06  # deceleration of a rolling ball on grass, of the weight: 4 to 10 m of roll in FIFA's test
+LEAST_RISE_MS = 0.4  # below which it rolls
+CAR_SPEED_MS = 6.0
+CAR_FROM_M = 25.0
+REACH_M = 35.0
+BEYOND_M = 5.0  # of the landing point
+SLEW_RAD_S = 0.08  # of tower cranes: 0.6 to 0.8 turns a minute
+SWING_RAD = math.radians(40.0)
+OVER_M = 5.0  # its underside over the vehicle when it begins to turn
 
 
 def even_bearing(
@@ -101,17 +117,6 @@ class PassingCar(Crosser):
     speed_ms = (4.0, 10.0)
 
 
-GRAVITY = 9.81
-RADIUS_M = (0.125, 0.2)
-BALL_SPEED_MS = (6.0, 12.0)
-RISE_MS = (1.0, 4.0)
-"""Speed upward at the kick."""
-RESTITUTION = 0.6  # of the speed; FIFA's test of turf: 0.6 to 0.85 m after a fall of 2 m
-SLOWED = 0.8  # share of the speed along the ground that a bounce leaves
-ROLLING = 0.06  # deceleration of a rolling ball on grass, of the weight: 4 to 10 m of roll in FIFA's test
-LEAST_RISE_MS = 0.4  # below which it rolls
-
-
 def path_m(speed_ms: float, rise_ms: float, since_s: float) -> tuple[float, float, bool]:
     """Return the way along the ground, the height of the lowest point over it, and whether the ball rests.
 
@@ -158,10 +163,6 @@ class BouncingBall(Intruder):
         return x + along * c - self._beside_m * n, y + along * n + self._beside_m * c
 
 
-CAR_SPEED_MS = 6.0
-CAR_FROM_M = 25.0
-
-
 class DrivenCar(Intruder):
     """Car that drives from 25 m away onto the landing point, along the most even ground."""
 
@@ -191,13 +192,6 @@ class DrivenCar(Intruder):
             )
             rough.append(float(np.nan_to_num(np.ptp(z), nan=1e3)))
         return float(bearings[int(np.argmin(rough))])
-
-
-REACH_M = 35.0
-BEYOND_M = 5.0  # of the landing point
-SLEW_RAD_S = 0.08  # of tower cranes: 0.6 to 0.8 turns a minute
-SWING_RAD = math.radians(40.0)
-OVER_M = 5.0  # its underside over the vehicle when it begins to turn
 
 
 class SwungJib(Intruder):

@@ -27,6 +27,8 @@ I64 = NDArray[np.int64]
 ROWS, COLUMNS, FRAME_NS = 32, 512, 100_000_000
 REACH = Reach(blind_m=0.3, most_m=120.0, at_10_percent_m=45.0, at_80_percent_m=100.0)
 NOISE = Noise(range_sigma_m=0.015, angle_sigma_deg=0.02, tail=0.012, intensity_sigma=0.17, row_sigma_m=0.005)
+SIDEWAYS = Mount(pitch_deg=90.0)
+"""Axis forward, connector up: the head sweeps the ground from side to side."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,8 +65,6 @@ OS0 = OusterModel(
     Reach(blind_m=0.5, most_m=100.0, at_10_percent_m=35.0, at_80_percent_m=75.0),
     _round_beam(0.005, 0.35),
 )
-SIDEWAYS = Mount(pitch_deg=90.0)
-"""Axis forward, connector up: the head sweeps the ground from side to side."""
 
 
 class Ouster(PulseLidar):

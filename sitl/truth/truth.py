@@ -23,6 +23,14 @@ from sitl.world.primitives import Kind
 from sitl.world.world import World
 
 Plane = Strided2D[np.float64]
+F64 = NDArray[np.float64]
+F32 = NDArray[np.float32]
+U8 = NDArray[np.uint8]
+Extent = tuple[float, float, float, float]
+MAX_SAMPLE_M = 0.1
+_TILE = 192
+NO_STAND = (Kind.WATER, Kind.MAIZE, Kind.WHEAT, Kind.REED)
+"""Kinds of surface without anything to stand on."""
 
 
 @kernel
@@ -69,17 +77,6 @@ def measure_span(
             for i in range(n):
                 least, most = min(least, lowest[i]), max(most, highest[i])
             span[column, row] = np.nan if np.isnan(mean[column, row]) else most - least
-
-
-F64 = NDArray[np.float64]
-F32 = NDArray[np.float32]
-U8 = NDArray[np.uint8]
-Extent = tuple[float, float, float, float]
-
-MAX_SAMPLE_M = 0.1
-_TILE = 192
-NO_STAND = (Kind.WATER, Kind.MAIZE, Kind.WHEAT, Kind.REED)
-"""Kinds of surface without anything to stand on."""
 
 
 class TruthMap(NamedTuple):

@@ -16,6 +16,14 @@ from slz.flash.ranging import RangeImage, likely_ranges, polynomial_ranges
 from slz.kernels.instruments.waveform import GOOD, MISSING, SATURATED
 
 F64 = NDArray[np.float64]
+FULL = 0.95
+"""Share of GOOD pixels, "close to 100 %", from which a frame is whole."""
+LIMIT = (0.5, 0.7)
+"""Shares of GOOD pixels of a frame at the limit of detection."""
+MOST_SATURATED = 0.2
+Estimator = Literal["likely", "polynomial"]
+PARTED = 4.0  # standard errors, and
+PARTED_M = 0.5  # metres by which a pixel may differ from the median around it; the greater one
 
 
 def median_of_neighbours(image: F64) -> F64:
@@ -34,13 +42,6 @@ def _windows(image: F64, beyond: float) -> F64:
     """Return (rows, cols, 9) the neighbourhood of each pixel, with one value for all beyond the image."""
     padded = np.pad(image, 1, constant_values=beyond)
     return sliding_window_view(padded, (3, 3)).reshape(*image.shape, 9)
-
-
-FULL = 0.95
-"""Share of GOOD pixels, "close to 100 %", from which a frame is whole."""
-LIMIT = (0.5, 0.7)
-"""Shares of GOOD pixels of a frame at the limit of detection."""
-MOST_SATURATED = 0.2
 
 
 class Quality(Enum):
@@ -85,11 +86,6 @@ def triage(image: RangeImage) -> Triage:
     else:
         quality = Quality.WHOLE if good >= FULL else Quality.PARTIAL
     return Triage(quality, returned, saturated)
-
-
-Estimator = Literal["likely", "polynomial"]
-PARTED = 4.0  # standard errors, and
-PARTED_M = 0.5  # metres by which a pixel may differ from the median around it; the greater one
 
 
 @dataclass(frozen=True, slots=True)

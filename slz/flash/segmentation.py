@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 F64 = NDArray[np.float64]
 Spread = Literal["error", "deviation"]
 SMALLEST = 2  # cells along the side of a segment
+Moments = tuple[F64, F64, F64]
+"""Mean, variance and number of the cells of each square of one size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +78,6 @@ def segment(heights_m: F64, xi: float = 2.0, first: int | None = None, spread: S
     unknown = np.isnan(padded)
     mean[unknown], sides[unknown] = np.nan, 0
     return Segments(mean[:rows, :cols], sides[:rows, :cols])
-
-
-Moments = tuple[F64, F64, F64]
-"""Mean, variance and number of the cells of each square of one size."""
 
 
 def _pyramid(heights: F64, top: int) -> dict[int, Moments]:

@@ -15,6 +15,9 @@ from slz.kernels.argument_types import Array1D
 from slz.kernels.jit import kernel, kernel_for_any_types
 
 Table = NDArray[Any]
+PAGE = 4096  # bytes; with larger pages some are touched more often than needed
+ZERO_BYTE = np.uint8(0)
+LEAST_BYTES = 1 << 16  # bytes, below which an ordinary array is used
 
 
 @kernel_for_any_types
@@ -40,9 +43,6 @@ def doubled(rows: Table) -> Table:
     return out
 
 
-PAGE = 4096  # bytes; with larger pages some are touched more often than needed
-
-
 @kernel
 def prefault(
     memory: Array1D[np.uint8], first: int, apart: int, count: int, length: int, nothing: np.uint8
@@ -57,10 +57,6 @@ def prefault(
         for at in range(start, stop, PAGE):
             memory[at] |= nothing
         memory[stop - 1] |= nothing
-
-
-ZERO_BYTE = np.uint8(0)
-LEAST_BYTES = 1 << 16  # bytes, below which an ordinary array is used
 
 
 def demand_zeros(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:

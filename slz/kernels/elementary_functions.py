@@ -9,6 +9,13 @@ import numpy as np
 from slz.kernels.jit import kernel_for_any_types
 from slz.kernels.simd import Floats, broadcast, where
 
+F0, F1 = np.float32(0.0), np.float32(1.0)
+TAN_1, TAN_3 = np.float32(0.4142135623730950), np.float32(2.414213562373095)  # tan of pi / 8 and 3 pi / 8
+QUARTER, RIGHT = np.float32(np.pi / 4), np.float32(np.pi / 2)
+A3, A5, A7, A9 = (
+    np.float32(a) for a in (-3.33329491539e-1, 1.99777106478e-1, -1.38776856032e-1, 8.05374449538e-2)
+)
+
 
 @kernel_for_any_types
 def ranked(values: Any, rank: int) -> Any:
@@ -39,14 +46,6 @@ def median(values: Any) -> Any:
     n = len(values)
     upper = ranked(values, n // 2)
     return upper if n % 2 else (ranked(values, n // 2 - 1) + upper) / 2
-
-
-F0, F1 = np.float32(0.0), np.float32(1.0)
-TAN_1, TAN_3 = np.float32(0.4142135623730950), np.float32(2.414213562373095)  # tan of pi / 8 and 3 pi / 8
-QUARTER, RIGHT = np.float32(np.pi / 4), np.float32(np.pi / 2)
-A3, A5, A7, A9 = (
-    np.float32(a) for a in (-3.33329491539e-1, 1.99777106478e-1, -1.38776856032e-1, 8.05374449538e-2)
-)
 
 
 @kernel_for_any_types

@@ -14,6 +14,7 @@ from slz.grid import Box
 from slz.terrain.terrain_view import TerrainView
 
 Heights = NDArray[np.float32]
+AROUND_M = 4.0  # width of the ground beyond what is watched, from which a shift of all heights is estimated
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -42,9 +43,6 @@ def highest_around(ground_m: Heights, top_m: Heights, relief_m: float) -> tuple[
     low = ndimage.minimum_filter(np.where(known, ground_m, np.inf), size=3, mode="nearest")
     tops = np.where(np.isfinite(high), high, np.nan).astype(np.float32)
     return tops, known & (high - low < relief_m)
-
-
-AROUND_M = 4.0  # width of the ground beyond what is watched, from which a shift of all heights is estimated
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

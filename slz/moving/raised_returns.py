@@ -25,6 +25,9 @@ LOWEST_M = 2.0  # of the sensor over the ground: lower it sees what stands far o
 REACH_M = 28.0  # of the sensor over ground; the map beside a report ends at 30 m
 
 Floats = NDArray[np.float64]
+KEPT_NS = 8_000_000_000  # what stands for longer is part of the ground
+ALIGNED = 1e-3  # of a block
+Heights = NDArray[np.float32]
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,12 +95,6 @@ def raised_returns(scan: Scan, ground: Ground, angle_noise_rad: float) -> Raised
     )  # fmt: skip
     which = over.index[:n]
     return RaisedReturns(points[which], over.heights_m[:n].copy(), scan.stamp_ns[which]) if n else None
-
-
-KEPT_NS = 8_000_000_000  # what stands for longer is part of the ground
-ALIGNED = 1e-3  # of a block
-
-Heights = NDArray[np.float32]
 
 
 class RecentGround:

@@ -29,6 +29,7 @@ from slz.zones.detection import side_in_cells
 from slz.zones.ranking import Entry, criteria, in_order, reason
 
 Points = NDArray[np.float64]
+ANYWHERE = Grid(0.0, 0.0, 1.0, 1, 1)
 
 
 class PaperMap:
@@ -96,9 +97,6 @@ class PaperMap:
             pairs[other.id, zone.id] = pair
         self._entries, self._pairs = entries, pairs
         return (*(zone for _, zone in order[:1]), *(pair[2] for pair in pairs.values()))
-
-
-ANYWHERE = Grid(0.0, 0.0, 1.0, 1, 1)
 
 
 class PaperMethod:

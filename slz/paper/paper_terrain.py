@@ -27,6 +27,13 @@ from slz.tile_slots import Key, box_of_tile, keys_over
 
 SIDE = 64  # cells of a block
 Blocks = NDArray[np.object_]
+UNKNOWN_POSITION = np.full(3, np.nan)
+EMPTY_BOX = Box(0, 0, 0, 0)
+MARGIN_CELLS = 32  # margin in cells around the expected next window
+MOST_CELLS_PER_RETURN = (
+    4  # cells of a window's box with margin for each return, above which some returns are far off
+)
+Map = NDArray[np.float32]
 
 
 class BlockCopies:
@@ -87,15 +94,6 @@ def _blocks_of(box: Box) -> tuple[slice, slice]:
         slice(box.row0 // SIDE, (box.row1 - 1) // SIDE + 1),
         slice(box.col0 // SIDE, (box.col1 - 1) // SIDE + 1),
     )
-
-
-UNKNOWN_POSITION = np.full(3, np.nan)
-EMPTY_BOX = Box(0, 0, 0, 0)
-MARGIN_CELLS = 32  # margin in cells around the expected next window
-MOST_CELLS_PER_RETURN = (
-    4  # cells of a window's box with margin for each return, above which some returns are far off
-)
-Map = NDArray[np.float32]
 
 
 class PaperTerrain:

@@ -19,6 +19,10 @@ from slz.kernels.points.range_gate import within_reach
 from slz.kernels.points.voxel_density_filter import is_supported
 
 Points = NDArray[np.float64]
+LEAST_SUPPORT = 2
+OBJECT_M2 = 0.005  # 5 x 10 cm: the smallest object that must not be removed as dust
+CLOUD_GROUP = (1.5, 3)  # metres, returns: a wire, a mast's top, a shaft's bottom
+FLIGHT_GROUP = (0.6, 5)  # the smallest object to detect, 0.5 x 0.3 m with 5 pulses; echoes are farther apart
 
 
 def reach_m(parameters: Parameters) -> float:
@@ -40,12 +44,6 @@ def within(points_enu_m: Points, sensor_enu_m: Points, reach_m: float) -> NDArra
     if not is_known(sensor_enu_m[:2]):
         return np.ones(len(points_enu_m), bool)
     return within_reach(points_enu_m, sensor_enu_m, reach_m**2)
-
-
-LEAST_SUPPORT = 2
-OBJECT_M2 = 0.005  # 5 x 10 cm: the smallest object that must not be removed as dust
-CLOUD_GROUP = (1.5, 3)  # metres, returns: a wire, a mast's top, a shaft's bottom
-FLIGHT_GROUP = (0.6, 5)  # the smallest object to detect, 0.5 x 0.3 m with 5 pulses; echoes are farther apart
 
 
 def gap_interval(

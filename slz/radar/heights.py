@@ -13,6 +13,13 @@ from slz.radar.interferogram import Interferogram, RadarLines
 from slz.radar.interferometer import Interferometer
 
 F64 = NDArray[np.float64]
+LEAST_COHERENCE = 0.8
+"""Less means water, shadow, noise, or several heights in a cell: level ground has 0.9."""
+DARK = (3, 5)
+"""Lines and bins of the smallest area that counts as dark, and of the margin discarded around it."""
+LEAST_REGION = 0.02
+"""Share of the largest region, below which a region's number of turns is too uncertain to use it."""
+FLOOR_M = 0.01
 
 
 def coherence(
@@ -66,15 +73,6 @@ def whole_height_error_m(phase_m: float, altitude_m: float, range_m: float, base
     """Return the total height error: root of the sum of squares of four independent errors."""
     # Radar letter, Eq. (2)
     return float(np.sqrt(phase_m**2 + altitude_m**2 + range_m**2 + baseline_m**2))
-
-
-LEAST_COHERENCE = 0.8
-"""Less means water, shadow, noise, or several heights in a cell: level ground has 0.9."""
-DARK = (3, 5)
-"""Lines and bins of the smallest area that counts as dark, and of the margin discarded around it."""
-LEAST_REGION = 0.02
-"""Share of the largest region, below which a region's number of turns is too uncertain to use it."""
-FLOOR_M = 0.01
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,13 @@ from scipy import ndimage
 from slz.radar.interferometer import Interferometer
 
 F64 = NDArray[np.float64]
+C64 = NDArray[np.complex64]
+WINDOW = (3, 5)
+"""Lines and bins over which coherence is estimated."""
+LEAST_BAND = 0.2
+"""Least share of the bandwidth that the filter keeps."""
+LOBES = 3.0
+"""Half length of a filter, in units of its resolution."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,15 +83,6 @@ class RadarLines:
             raise ValueError(
                 f"radar lines: bins of {self.step_m} m are wider than the resolution {radar.range_m} m"
             )
-
-
-C64 = NDArray[np.complex64]
-WINDOW = (3, 5)
-"""Lines and bins over which coherence is estimated."""
-LEAST_BAND = 0.2
-"""Least share of the bandwidth that the filter keeps."""
-LOBES = 3.0
-"""Half length of a filter, in units of its resolution."""
 
 
 @dataclass(frozen=True, slots=True)

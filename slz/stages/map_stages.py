@@ -15,6 +15,10 @@ from slz.surface.surface_map import NO_SIGNAL, Signal
 from slz.window_returns import Flag, Points, Returns, Rows, is_for_near_map
 from slz.zones.zone_map import ZoneMap
 
+MOST_INTENSITY = 1000.0  # in parts of a white target; beyond it is no measurement, even of a mirror
+FEWEST_INTENSITIES = 20  # of a window, among which one that never changes is none
+SHARED = frozenset({"places", "KEPT", "APART", "added", "datum", "surface", "arrivals", "wires"})
+
 
 class Resolution:
     """Chooses from density, height and speed, see `slz.adaptive`."""
@@ -27,10 +31,6 @@ class Resolution:
         mapped = returns.places(Flag.KEPT | Flag.NEAR)
         ground.choice = ground.adapter.choose(returns.window, mapped)
         ground.far.at_level(ground.choice.level)
-
-
-MOST_INTENSITY = 1000.0  # in parts of a white target; beyond it is no measurement, even of a mirror
-FEWEST_INTENSITIES = 20  # of a window, among which one that never changes is none
 
 
 class SurfaceStage:
@@ -80,9 +80,6 @@ def _believable(intensity: NDArray[np.float32]) -> NDArray[np.float32]:
     if len(some) < FEWEST_INTENSITIES or some.min() == some.max():
         return np.full(len(intensity), np.nan, np.float32)
     return intensity if good.all() else np.where(good, intensity, np.float32(np.nan))
-
-
-SHARED = frozenset({"places", "KEPT", "APART", "added", "datum", "surface", "arrivals", "wires"})
 
 
 class FarEvidence:

@@ -30,6 +30,12 @@ from slz.terrain.arrivals import AROUND_M, FEET_M
 from slz.window_returns import Flag, Points, Returns
 
 MOST_HEIGHT_M = 100_000.0  # nothing on the ground is higher or deeper
+THIN_REACH = 1.2  # of the mapping reach, up to which isolated returns are judged
+MOST_LOOKS = 10  # windows in `window_s` at most, as in flight
+SPARSE_LOOKS = 2  # windows in `window_s`, from which the sensor and not the window is sparse
+Flags = NDArray[np.bool_]
+SIDES = np.array(list(product((-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0), (0.0,))))  # of a return, and its own place
+ALONE = np.array([Flag.ISOLATED, Flag.DISTANT], np.uint16)
 
 
 class RangeGate:
@@ -42,11 +48,6 @@ class RangeGate:
         """Set USABLE."""
         place = returns.places_m, returns.sensor_m
         mark_usable(*place, p.max_range_m**2, MOST_HEIGHT_M, returns.flags, Flag.USABLE)
-
-
-THIN_REACH = 1.2  # of the mapping reach, up to which isolated returns are judged
-MOST_LOOKS = 10  # windows in `window_s` at most, as in flight
-SPARSE_LOOKS = 2  # windows in `window_s`, from which the sensor and not the window is sparse
 
 
 class Isolation:
@@ -137,10 +138,6 @@ class SeenAirStage:
         ground.air.add(returns.places_m, origin, origins, ground.datum_m, returns.rows(Flag.KEPT))
 
 
-Flags = NDArray[np.bool_]
-SIDES = np.array(list(product((-1.0, 0.0, 1.0), (-1.0, 0.0, 1.0), (0.0,))))  # of a return, and its own place
-
-
 class ArrivalStage:
     """Gives the returns of arrivals to `slz.terrain.arrivals`.
 
@@ -199,9 +196,6 @@ def _stand_free(points: Points, sensor: Points, ground: Ground) -> Flags:
     """Return which raised points have known and lower ground on all sides: others are of walls."""
     around = points[:, np.newaxis] + max(AROUND_M, ground.parameters.cell_m) * SIDES
     return np.asarray(_are_above(around.reshape(-1, 3), sensor, ground).reshape(-1, len(SIDES)).all(axis=1))
-
-
-ALONE = np.array([Flag.ISOLATED, Flag.DISTANT], np.uint16)
 
 
 class WireStage:

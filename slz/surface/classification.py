@@ -40,6 +40,17 @@ from slz.surface.surface_kinds import UNKNOWN_SURFACE, SurfaceHere, SurfaceKind
 Floats = NDArray[np.float32]
 SHARE = 0.5  # of a cell's points, from which on their class is that of the cell
 SCORE = 6.0  # log odds
+PROBABLE = {
+    SurfaceKind.WATER: WATER,
+    SurfaceKind.ROOF: ROOF,
+    SurfaceKind.LOW_VEGETATION: LOW_VEGETATION,
+    SurfaceKind.CANOPY: CANOPY,
+}
+NOTHING, NOBODY = np.empty((0, 0), np.float32), np.empty((0, 0, 0), np.float32)
+KINDS = np.array(
+    [SurfaceKind.WATER, SurfaceKind.ROOF, SurfaceKind.LOW_VEGETATION, SurfaceKind.CANOPY, SurfaceKind.BARE],
+    np.float32,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,14 +85,6 @@ class SurveyClasses:
     def _score(self, count: Floats) -> Floats:
         share = count / np.maximum(self.total, 1)
         return np.asarray(SCORE * np.clip(share / SHARE, 0, 1), np.float32)
-
-
-PROBABLE = {
-    SurfaceKind.WATER: WATER,
-    SurfaceKind.ROOF: ROOF,
-    SurfaceKind.LOW_VEGETATION: LOW_VEGETATION,
-    SurfaceKind.CANOPY: CANOPY,
-}
 
 
 def refused_kinds(parameters: Parameters) -> NDArray[np.bool_]:
@@ -126,13 +129,6 @@ class SurfaceLayers:
         sure = self.values[at][own] if at is not None else 1 - self.values[:RAISED].sum(axis=0)[own]
         raised_m = float(np.median(self.values[RAISED][own])) if kind is SurfaceKind.ROOF else 0.0
         return SurfaceHere(kind, float(sure.mean()), float(self.water.max()), raised_m)
-
-
-NOTHING, NOBODY = np.empty((0, 0), np.float32), np.empty((0, 0, 0), np.float32)
-KINDS = np.array(
-    [SurfaceKind.WATER, SurfaceKind.ROOF, SurfaceKind.LOW_VEGETATION, SurfaceKind.CANOPY, SurfaceKind.BARE],
-    np.float32,
-)
 
 
 def classify(

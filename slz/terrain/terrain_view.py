@@ -19,6 +19,7 @@ from slz.terrain.terrain_maps import SAFE, UNKNOWN, UNSAFE
 from slz.tile_slots import Key
 
 Floats = NDArray[np.float32]
+DISPLAYED = tuple(layer.name for layer in reaching(Output.PAGE))
 
 
 class TerrainView(Protocol):
@@ -117,9 +118,6 @@ class UnboundedTerrain:
         """Return mean heights, and tops where the ground is not safe."""
         height, top = self.layer("height_m", box), self.layer("top_m", box)
         return height, np.where(self.state(box) == SAFE, height, np.fmax(height, top))
-
-
-DISPLAYED = tuple(layer.name for layer in reaching(Output.PAGE))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

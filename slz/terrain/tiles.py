@@ -33,6 +33,9 @@ LEAP_S = 100_000.0
 TIME_ROUNDING = 1e-6  # relative, of a time plus 1,000 s: more than the error of single precision
 LEAST_CAPACITY = 16  # tiles, however small the budget
 SERIALS = itertools.count(1)  # serial numbers of maps, so that a follower notices a replacement
+Boxes = NDArray[np.int64]
+Hits = tuple[Key, NDArray[np.uint64]]
+"""First tile of a rectangle of tiles, and (rows, columns, TILE) words: a bit for each cell hit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,16 +46,9 @@ class Noise:
     angle_rad: float
 
 
-Boxes = NDArray[np.int64]
-
-
 def no_boxes() -> Boxes:
     """Return no boxes, (0, 4)."""
     return np.empty((0, 4), np.int64)
-
-
-Hits = tuple[Key, NDArray[np.uint64]]
-"""First tile of a rectangle of tiles, and (rows, columns, TILE) words: a bit for each cell hit."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -21,6 +21,19 @@ from slz.wires.occupied_air import OccupiedAir, Surrounding
 PER_SECOND = 1e-4  # false wires expected; one in three hours
 DEFINING = 3  # returns that define a curve, and therefore are on it
 ABOVE = 0.5  # least share of the places of a curve beside which there is air high over the floor
+MOST_SEEDS, FEWEST_SEEDS = 24, 8  # returns of a window through which lines are sought
+MOST_PAIRS = 10_000  # of a seed and a stored return, beyond which there are fewer seeds
+TRIED = 4  # lines of a window that are tested
+FEWEST = 6  # places of a wire that have returns
+SHORTEST_M = 8.0
+LEAST_TIME_S = 0.5  # between the first and the last return
+BASELINE = (
+    0.08  # of the range, by which the sensor must have moved: lines of a scan on a surface move with it
+)
+LEAST_BASELINE_M = 1.0
+LEVEL = 0.15  # fall of rays over their distance, up to which they would meet a wall below a curve
+MOST_MISFIT = 2.0
+Floats = NDArray[np.float64]
 
 
 def log_false_alarms(
@@ -57,22 +70,6 @@ def log_false_alarms(
 
 def _share(occupied: int, above: int) -> float:
     return (occupied + 1) / (above + 1)
-
-
-MOST_SEEDS, FEWEST_SEEDS = 24, 8  # returns of a window through which lines are sought
-MOST_PAIRS = 10_000  # of a seed and a stored return, beyond which there are fewer seeds
-TRIED = 4  # lines of a window that are tested
-FEWEST = 6  # places of a wire that have returns
-SHORTEST_M = 8.0
-LEAST_TIME_S = 0.5  # between the first and the last return
-BASELINE = (
-    0.08  # of the range, by which the sensor must have moved: lines of a scan on a surface move with it
-)
-LEAST_BASELINE_M = 1.0
-LEVEL = 0.15  # fall of rays over their distance, up to which they would meet a wall below a curve
-MOST_MISFIT = 2.0
-
-Floats = NDArray[np.float64]
 
 
 class Measures(NamedTuple):

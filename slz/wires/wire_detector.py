@@ -27,6 +27,10 @@ MOVED_M, RISEN_M, LONGER_M = 0.1, 0.2, 1.0  # from where a wire was marked, up t
 CHUNK = 100  # marks along a wire with edges of their own
 
 Floats = NDArray[np.float64]
+MOST_WIRES = 64
+MOST_RAYS = 2000  # of a window, counted for contradiction
+LEAST_S = 0.01  # between two windows
+WATCHED_M = 60.0  # from the sensor, within which wires may be contradicted
 
 
 class WireMarks:
@@ -84,12 +88,6 @@ def _is_alike(old: Wire, new: Wire) -> bool:
     risen_m = np.abs(new.curve.height_m(along_m) - places[:, 2])
     longer_m = max(along_m.min() - new.from_m, new.to_m - along_m.max())
     return bool(np.abs(across_m).max() < MOVED_M and risen_m.max() < RISEN_M and longer_m < LONGER_M)
-
-
-MOST_WIRES = 64
-MOST_RAYS = 2000  # of a window, counted for contradiction
-LEAST_S = 0.01  # between two windows
-WATCHED_M = 60.0  # from the sensor, within which wires may be contradicted
 
 
 class WireDetector:

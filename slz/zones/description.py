@@ -28,6 +28,9 @@ STRIP = 64  # rows summed at a time, so that their maps stay in the cache
 PLACES = A_CERTAINTY, A_SLOPE, A_ROUGHNESS
 NO_TILES, NO_BITS = (np.empty((0, 0), np.int64), np.empty((0, 0), bool)), np.empty((0, 0), np.uint64)
 NOTHING_KNOWN = NO_TILES[0], NO_BITS, NO_BITS, np.empty((0, 0, ZONAL_STATISTICS)), NO_BITS
+MOST_OBSTACLES = 200
+AROUND = 3  # cells around an obstacle whose ground its height refers to
+NO_GROUPS, NO_CELLS = (np.empty((0, 6), np.int64), np.empty(0)), np.empty((0, 3), np.int64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -84,11 +87,6 @@ def zonal_statistics_of(
             certainty, slope, terrain.layer("roughness", box), parts[part, 0], holes[rows, words],
         )  # fmt: skip
     return ZonalStatistics(parts.reshape(-1, ZONAL_STATISTICS).sum(axis=0), holes, parts, *NO_TILES)
-
-
-MOST_OBSTACLES = 200
-AROUND = 3  # cells around an obstacle whose ground its height refers to
-NO_GROUPS, NO_CELLS = (np.empty((0, 6), np.int64), np.empty(0)), np.empty((0, 3), np.int64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,6 +11,17 @@ from numpy.typing import NDArray
 from slz.kernels.polygons.boundary_tracing import boundary_rings, corner_indices
 from slz.kernels.polygons.inner_simplification import simplify_inside
 
+Ring = NDArray[np.int32]
+Points = NDArray[np.float64]
+# Attempts until the points are few: distance in cells that the line may run outside the zone's cells, towards
+# the centre of the next cell, and multiple of the area share that may be lost in cell centres.
+ATTEMPTS = ((0.0, 1.0), (0.49, 1.0), (0.49, 2.0))
+REACHES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.49)
+FEW_POINTS = (
+    1 / 7
+)  # share of the corners: a fifth of what the collinear filter leaves, which is up to a third less
+ENOUGH_POINTS = 1 / 10  # share of the corners, below which area counts for more than points
+
 
 def without_collinear(boundary_cells: NDArray[np.int32]) -> NDArray[np.int32]:
     """Drop points between two neighbours in the same row or the same column (SLZ paper, Algorithm 2).
@@ -24,19 +35,6 @@ def without_collinear(boundary_cells: NDArray[np.int32]) -> NDArray[np.int32]:
         (n, 2) rows and columns of a closed contour.
     """
     return boundary_cells[corner_indices(np.ascontiguousarray(boundary_cells, np.int32))]
-
-
-Ring = NDArray[np.int32]
-Points = NDArray[np.float64]
-
-# Attempts until the points are few: distance in cells that the line may run outside the zone's cells, towards
-# the centre of the next cell, and multiple of the area share that may be lost in cell centres.
-ATTEMPTS = ((0.0, 1.0), (0.49, 1.0), (0.49, 2.0))
-REACHES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.49)
-FEW_POINTS = (
-    1 / 7
-)  # share of the corners: a fifth of what the collinear filter leaves, which is up to a third less
-ENOUGH_POINTS = 1 / 10  # share of the corners, below which area counts for more than points
 
 
 @dataclass(frozen=True, slots=True)

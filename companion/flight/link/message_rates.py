@@ -12,6 +12,13 @@ AWAY_NS = 2_000_000_000
 # A stream at less than half its rate over this span is requested again: another program may have slowed it.
 SPAN_NS = 4_000_000_000
 LONGEST_PAUSE_NS = 30_000_000_000
+# As often as our setpoints: what another sender asks in between is flown until the next of ours. ArduPilot
+# sends it in its guided mode alone.
+_TARGET = Stream(
+    "POSITION_TARGET_LOCAL_NED", mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 20.0, needed=False
+)
+_HEARTBEAT = Stream("HEARTBEAT", mavlink.MAVLINK_MSG_ID_HEARTBEAT, 1.0)  # the rate without a request
+MANY, WITHIN_NS = 20, 10_000_000_000
 
 
 def wanted(autopilot: Autopilot, pose_rate_hz: float, odometry: bool = False) -> tuple[Stream, ...]:
@@ -41,14 +48,6 @@ def expected(autopilot: Autopilot, pose_rate_hz: float, odometry: bool = False) 
     """Return the streams that should arrive: the requested ones, and the heartbeat even if it is not."""
     asked = wanted(autopilot, pose_rate_hz, odometry)
     return asked if autopilot.mode_stream.name == _HEARTBEAT.name else (*asked, _HEARTBEAT)
-
-
-# As often as our setpoints: what another sender asks in between is flown until the next of ours. ArduPilot
-# sends it in its guided mode alone.
-_TARGET = Stream(
-    "POSITION_TARGET_LOCAL_NED", mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED, 20.0, needed=False
-)
-_HEARTBEAT = Stream("HEARTBEAT", mavlink.MAVLINK_MSG_ID_HEARTBEAT, 1.0)  # the rate without a request
 
 
 class StreamKeeper:
@@ -142,9 +141,6 @@ class StreamKeeper:
         patience = max(AWAY_NS, 3 * round(1e9 / stream.arrives_hz))
         heard = self._heard_ns.get(stream.name, self._asked_ns[stream.name])
         return stream.name in self._slow or now_ns - heard > patience
-
-
-MANY, WITHIN_NS = 20, 10_000_000_000
 
 
 class OldMessageWatch:

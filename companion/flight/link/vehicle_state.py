@@ -28,6 +28,10 @@ AIRBORNE_M = 2.0
 MOST_ALT_MM = 100_000_000  # no aircraft flies so high: the number is none
 # EXTENDED_SYS_STATE comes five times a second; without one so long, a VTOL may fly on its wing by now.
 VTOL_STATE_NS = 2_500_000_000
+_LANDED: dict[int, Landed] = {1: "on_ground", 2: "in_air", 3: "takeoff", 4: "landing"}
+_STAMPED = frozenset(
+    {"ATTITUDE", "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "SYSTEM_TIME"}
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,9 +253,6 @@ def _overtaken(autopilot: Autopilot, m: Any, last_seq: int, last_ns: int | None,
     return bool((m.get_seq() - last_seq) % 256 > 128)
 
 
-_LANDED: dict[int, Landed] = {1: "on_ground", 2: "in_air", 3: "takeoff", 4: "landing"}
-
-
 def _extended_sys_state(state: VehicleState, m: Any, now_ns: int) -> VehicleState:
     landed = _LANDED.get(m.landed_state, "unknown")
     return replaced(state, reported_landed=landed, vtol_state=m.vtol_state, vtol_heard_ns=now_ns)
@@ -329,9 +330,6 @@ def _lla(lat_e7: int, lon_e7: int, alt_mm: int, *, zero: bool = False) -> Vector
     return lat_e7 * 1e-7, lon_e7 * 1e-7, alt_mm / 1000
 
 
-_STAMPED = frozenset(
-    {"ATTITUDE", "ATTITUDE_QUATERNION", "GLOBAL_POSITION_INT", "LOCAL_POSITION_NED", "SYSTEM_TIME"}
-)
 _REDUCERS: dict[str, Callable[[VehicleState, Any, int], VehicleState]] = {
     "HEARTBEAT": _heartbeat,
     "CURRENT_MODE": _current_mode,

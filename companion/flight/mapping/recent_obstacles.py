@@ -19,6 +19,7 @@ BELOW_M = 1.0
 FEWEST = 5
 CAPACITY = 1 << 16
 THIN = 7  # keeps one return in 7: coprime to the number of lasers, so that every laser contributes
+Stamps = Array1D[np.int64]
 
 
 class RecentObstacles:
@@ -89,9 +90,6 @@ class RecentObstacles:
             self._points, self._stamps, oldest, position_enu_m[0], position_enu_m[1], BELOW_M, heights
         )
         return math.nan if n < FEWEST else float(np.median(heights[:n]))
-
-
-Stamps = Array1D[np.int64]
 
 
 @kernel

@@ -16,6 +16,7 @@ from slz import Nearby, Report
 CELL_POINTS = 3  # returns that a cell of the map, or a place of a wire, counts as
 FARTHEST_M = 50.0  # of an obstacle from the vehicle
 REPORT_NS = 5_000_000_000  # age from which a map does not show the present obstacles
+STEP_M = 0.5
 
 
 class Surroundings:
@@ -60,9 +61,6 @@ class Surroundings:
             columns[:, 2] = np.minimum(columns[:, 2], pose.position_enu_m[2])
             solid = np.concatenate([columns, solid])
         return np.concatenate([fresh, np.repeat(level_frd_m(solid, pose), CELL_POINTS, axis=0)])
-
-
-STEP_M = 0.5
 
 
 def wire_points_enu_m(report: Report | None, position_enu_m: Floats, reach_m: float) -> Floats:

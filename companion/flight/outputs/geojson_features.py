@@ -18,6 +18,7 @@ from slz import Grid, LocalFrame, Report, Wire, Zone
 from slz.zones.polygonise import polygonise
 
 DEGREE_DECIMALS = 9  # a tenth of a millimetre
+STEP_M = 5.0
 
 
 def zone_polygon(zone: Zone, grid: Grid) -> MultiPolygon:
@@ -33,9 +34,6 @@ def zone_polygon(zone: Zone, grid: Grid) -> MultiPolygon:
             for part in polygonise(zone.cells)
         ]
     )
-
-
-STEP_M = 5.0
 
 
 def wire_summary(wire: Wire, frame: LocalFrame) -> dict[str, Any]:

@@ -23,6 +23,7 @@ from slz import (
 )
 
 WORDS = {int(SAFE): "clear", int(UNSAFE): "blocked", int(UNKNOWN): "unknown"}
+MOST_OBSTACLES = 20
 
 
 def corridor_summary(corridors: Corridors | None) -> dict[str, Any]:
@@ -69,9 +70,6 @@ def surface_summary(surface: SurfaceHere) -> dict[str, Any]:
 
 def _number(value: float, digits: int) -> float | None:
     return round(float(value), digits) if math.isfinite(value) else None
-
-
-MOST_OBSTACLES = 20
 
 
 def zone_summary(zone: Zone, frame: LocalFrame) -> dict[str, Any]:

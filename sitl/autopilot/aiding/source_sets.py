@@ -12,6 +12,20 @@ F64 = NDArray[np.float64]
 
 _NONE: F64 = np.zeros(3)
 _NONE.flags.writeable = False
+HEIGHT_GAIN_PER_S, VELOCITY_GAIN_PER_S2 = 1.0, 0.5
+"""Gains of the filter: the height is 72 % of a step away after one second, 98 % after two."""
+HELD_PER_S = 1.4  # by the vertical velocity of GPS
+CONVERGED_M, CONVERGED_MS = 1e-3, 1e-3
+MOST_LAG_NS = 500_000_000
+CONVERGENCE = 100
+"""Messages after which the offset is set to the least lag among them, to follow the drift of a clock."""
+SETS = 3
+DEFAULTS: dict[str, float] = {
+    f"EK3_SRC{number}_{axis}": value if number == 1 or axis == "POSZ" else 0
+    for number in range(1, SETS + 1)
+    for axis, value in (("POSXY", 3), ("VELXY", 3), ("POSZ", 1), ("VELZ", 3), ("YAW", 1))
+}
+"""Parameters and their values: GPS, barometer and compass in the first set, a barometer in the others."""
 
 
 class GnssReceiver:
@@ -48,12 +62,6 @@ class GnssReceiver:
         return int(mavlink.GPS_FIX_TYPE_RTK_FLOAT if self.has_fix else mavlink.GPS_FIX_TYPE_NO_FIX)
 
 
-HEIGHT_GAIN_PER_S, VELOCITY_GAIN_PER_S2 = 1.0, 0.5
-"""Gains of the filter: the height is 72 % of a step away after one second, 98 % after two."""
-HELD_PER_S = 1.4  # by the vertical velocity of GPS
-CONVERGED_M, CONVERGED_MS = 1e-3, 1e-3
-
-
 class HeightAiding:
     """Height of the estimate over the true one, in the wake of its barometer.
 
@@ -81,11 +89,6 @@ class HeightAiding:
             self.offset_up_m, self.velocity_error_up_ms = self.barometer_error_m, 0.0
 
 
-MOST_LAG_NS = 500_000_000
-CONVERGENCE = 100
-"""Messages after which the offset is set to the least lag among them, to follow the drift of a clock."""
-
-
 class JitterCorrection:
     """Estimator of the offset between two clocks, as ArduPilot's (AP_RTC/JitterCorrection).
 
@@ -111,15 +114,6 @@ class JitterCorrection:
         if self._count == CONVERGENCE:
             self._offset_ns, self._count = self._least_ns, 0
         return local_ns
-
-
-SETS = 3
-DEFAULTS: dict[str, float] = {
-    f"EK3_SRC{number}_{axis}": value if number == 1 or axis == "POSZ" else 0
-    for number in range(1, SETS + 1)
-    for axis, value in (("POSXY", 3), ("VELXY", 3), ("POSZ", 1), ("VELZ", 3), ("YAW", 1))
-}
-"""Parameters and their values: GPS, barometer and compass in the first set, a barometer in the others."""
 
 
 class Source(IntEnum):

@@ -31,6 +31,12 @@ from sitl.world.world import World
 
 F64 = NDArray[np.float64]
 FARTHEST_M = 1_400.0
+HEADER = struct.Struct("<4sBBHHHHIQfffffHHI")
+FRAME_NS = 125_000_000
+WANTED_COUNTS = 1_500.0
+BRIGHT = 75.0  # percentile of the pixels whose maximum is controlled
+FACTOR = 4.0  # greatest change of the energy from frame to frame
+MARKER_COUNTS = 8
 
 
 class FlashLidar:
@@ -115,14 +121,6 @@ class FlashLidar:
             height = self.energy * self._gain * bright * self._response[..., None] / way**2
         seen = np.isfinite(way)
         return np.where(seen, 2 * way / C_M_NS, np.inf), np.where(seen, height, 0.0)
-
-
-HEADER = struct.Struct("<4sBBHHHHIQfffffHHI")
-FRAME_NS = 125_000_000
-WANTED_COUNTS = 1_500.0
-BRIGHT = 75.0  # percentile of the pixels whose maximum is controlled
-FACTOR = 4.0  # greatest change of the energy from frame to frame
-MARKER_COUNTS = 8
 
 
 class FlashSensor:

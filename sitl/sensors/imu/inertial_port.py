@@ -13,6 +13,8 @@ from sitl.sensors.pulse_lidar import PulseLidar
 from sitl.vehicle.pose_track import Motion
 
 _OUSTER = struct.Struct("<QQQ3f3f")
+PORTS = {"mid360": 56401, "ouster": 7503, "os0": 7503}
+"""LiDARs with an inertial unit, and the host's port that the real one sends to."""
 
 
 class LivoxInertialPackets:
@@ -40,10 +42,6 @@ class OusterInertialPackets:
             _OUSTER.pack(stamp, stamp, stamp, *force[row].tolist(), *degrees[row].tolist())
             for row, stamp in enumerate(samples.stamp_ns.tolist())
         ]
-
-
-PORTS = {"mid360": 56401, "ouster": 7503, "os0": 7503}
-"""LiDARs with an inertial unit, and the host's port that the real one sends to."""
 
 
 def check_unit(lidar: str) -> None:

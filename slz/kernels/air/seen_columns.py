@@ -7,6 +7,15 @@ import numpy as np
 from slz.kernels.argument_types import Array1D, Array2D, Array3D, ReadOnly1D, ReadOnly2D
 from slz.kernels.jit import kernel, kernel_part
 
+SIDE = 256  # columns of a row, a power of two: the column of a place is its index modulo SIDE
+LEVELS = 64  # voxels of a column
+BELOW = 16  # of them, below the return whose ray was the first to pass the column
+ROW, COL, BASE = range(3)  # of a column: its indices, and the level of its lowest voxel
+NOWHERE = np.int32(-(2**31))
+MOST_COUNT = 255
+STEP = 0.5  # voxels
+SHORT_M = 0.05  # a ray is followed up to this far before its return
+
 
 @kernel_part
 def passes(along: float, aside: float, radius: float, spread: float) -> tuple[float, float]:
@@ -31,16 +40,6 @@ def bearings_within(away: float, radius: float, spread: float, width: float) -> 
     nearest = (away - radius) / (1 + spread)  # of the vehicle to the point, when it covers the place
     sine = 1.0 if nearest <= 0 else min(1.0, radius / nearest + spread)
     return int(min(np.ceil((np.pi if sine == 1.0 else np.arcsin(sine)) / width), np.floor(np.pi / width)))
-
-
-SIDE = 256  # columns of a row, a power of two: the column of a place is its index modulo SIDE
-LEVELS = 64  # voxels of a column
-BELOW = 16  # of them, below the return whose ray was the first to pass the column
-ROW, COL, BASE = range(3)  # of a column: its indices, and the level of its lowest voxel
-NOWHERE = np.int32(-(2**31))
-MOST_COUNT = 255
-STEP = 0.5  # voxels
-SHORT_M = 0.05  # a ray is followed up to this far before its return
 
 
 @kernel

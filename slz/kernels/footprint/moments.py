@@ -40,6 +40,9 @@ F0, D0 = np.float32(0), np.float64(0)
 Row = Array1D[np.float32]
 Wide = Array1D[np.float64]
 Sums = Any  # a tuple of lanes, one for each sum
+# Sums over footprints, by their index in the result of `over_columns` and of `rises_over_columns`.
+W, WX, WXX, WY, WXY, WYY, S_INVERSE, S_NOISE = range(8)
+WZ, WXZ, WYZ, WZZ = range(4)
 
 
 @kernel_for_any_types
@@ -109,11 +112,6 @@ def over_rows(held: Row, rows: int, radius: int, wide: int, sums: Row, rises: Wi
                 load_wide(rises, at + 2 * out) + z[2],
             )
             _store_sums(sums, rises, at, out, whole, heights)
-
-
-# Sums over footprints, by their index in the result of `over_columns` and of `rises_over_columns`.
-W, WX, WXX, WY, WXY, WYY, S_INVERSE, S_NOISE = range(8)
-WZ, WXZ, WYZ, WZZ = range(4)
 
 
 @kernel_for_any_types

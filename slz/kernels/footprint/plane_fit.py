@@ -49,6 +49,23 @@ from slz.kernels.simd import (
 HIGHEST, LOWEST = np.float32(np.inf), np.float32(-np.inf)
 Row = Array1D[np.float32]
 Pair = Any  # of lanes
+SIGMAS = np.float32(2.5)  # standard errors between a safe slope and its limit
+LEAST_CELLS = np.float32(5.5)  # a plane needs more cells than this
+MANY = np.float32(1.5)  # sum of the squared residuals over the squared relief: more than one cell stands out
+THIN = np.float32(1e-5)  # least determinant of the scatter matrix over its squared trace: not collinear
+# Statistics of a footprint's plane, 16 lanes each: slope and its standard error (deg); relief (m), the
+# peak-to-peak of tops and bottoms about the plane, less their excess; rms residual of the heights (m);
+# variance of one return (m²); share of the cells with a return; relief without a lone extreme (m).
+SLOPE, SIGMA, RELIEF, RMS, NOISE2, SHARE, INNER = range(7)
+PLANE_STATISTICS = 7
+WEST, NORTH, LEVEL = range(3)  # rise of a plane per cell to the west, to the north; middle height (m)
+PLANE = 3
+D2 = np.float64(2)
+F0, F1, HALF, F3, NAN = (np.float32(value) for value in (0, 1, 0.5, 3, np.nan))
+DEGREES = np.float32(57.29577951308232)
+Wide = Array1D[np.float64]
+# Size of a cell (m), noise of a return (m), limits of slope (deg) and relief (m), of hazards' sides (m).
+Limits = tuple[Float32, Float32, Float32, Float32, Float32]
 
 
 @kernel_for_any_types
@@ -121,27 +138,6 @@ def reliefs(
         lowest, highest = minimum(low - up, lowest), maximum(high - up, highest)
         lowest2, highest2 = minimum(low2 - up2, lowest2), maximum(high2 - up2, highest2)
     return maximum(highest - lowest, broadcast(F0)), maximum(highest2 - lowest2, broadcast(F0))
-
-
-SIGMAS = np.float32(2.5)  # standard errors between a safe slope and its limit
-LEAST_CELLS = np.float32(5.5)  # a plane needs more cells than this
-MANY = np.float32(1.5)  # sum of the squared residuals over the squared relief: more than one cell stands out
-THIN = np.float32(1e-5)  # least determinant of the scatter matrix over its squared trace: not collinear
-
-# Statistics of a footprint's plane, 16 lanes each: slope and its standard error (deg); relief (m), the
-# peak-to-peak of tops and bottoms about the plane, less their excess; rms residual of the heights (m);
-# variance of one return (m²); share of the cells with a return; relief without a lone extreme (m).
-SLOPE, SIGMA, RELIEF, RMS, NOISE2, SHARE, INNER = range(7)
-PLANE_STATISTICS = 7
-WEST, NORTH, LEVEL = range(3)  # rise of a plane per cell to the west, to the north; middle height (m)
-PLANE = 3
-
-D2 = np.float64(2)
-F0, F1, HALF, F3, NAN = (np.float32(value) for value in (0, 1, 0.5, 3, np.nan))
-DEGREES = np.float32(57.29577951308232)
-Wide = Array1D[np.float64]
-# Size of a cell (m), noise of a return (m), limits of slope (deg) and relief (m), of hazards' sides (m).
-Limits = tuple[Float32, Float32, Float32, Float32, Float32]
 
 
 @kernel_part

@@ -13,6 +13,14 @@ from slz.kernels.raster.bitmap import LAST, NONE, Bits, bit, leading, signed
 # Moore neighbours, clockwise from west (SLZ paper, Table 1); rows grow to the north.
 COL_STEP = np.array([-1, -1, 0, 1, 1, 1, 0, -1], np.int64)
 ROW_STEP = np.array([0, -1, -1, -1, 0, 1, 1, 1], np.int64)
+# Directions of travel: east, north, west, south; offset from the vertex behind to the cell on the left.
+ROW_AHEAD = np.array([0, 1, 0, -1], np.int64)
+COL_AHEAD = np.array([1, 0, -1, 0], np.int64)
+ROW_LEFT = np.array([0, 0, -1, -1], np.int64)
+COL_LEFT = np.array([0, -1, -1, 0], np.int64)
+NO_STEP, DIRECTION_BITS = 8, 15
+WEST_BIT, EAST_BIT, START_BITS, ROW_BITS, COL_BITS = 4, 5, 6, 8, 10  # bit offsets of an entry's fields
+SEVEN = np.uint64(7)
 
 
 @kernel_at_call
@@ -44,13 +52,6 @@ def corner_indices(boundary: Array2D[np.int32]) -> Array1D[np.int32]:
         kept[m] = i
         m += not flat or turns or n == 1
     return kept[:m].copy()
-
-
-# Directions of travel: east, north, west, south; offset from the vertex behind to the cell on the left.
-ROW_AHEAD = np.array([0, 1, 0, -1], np.int64)
-COL_AHEAD = np.array([1, 0, -1, 0], np.int64)
-ROW_LEFT = np.array([0, 0, -1, -1], np.int64)
-COL_LEFT = np.array([0, -1, -1, 0], np.int64)
 
 
 @kernel_part
@@ -103,11 +104,6 @@ def boundary_rings(cells: Strided2D[np.uint8]) -> Strided2D[np.int32]:
                         break
             ring += 1
     return out[:n].copy()
-
-
-NO_STEP, DIRECTION_BITS = 8, 15
-WEST_BIT, EAST_BIT, START_BITS, ROW_BITS, COL_BITS = 4, 5, 6, 8, 10  # bit offsets of an entry's fields
-SEVEN = np.uint64(7)
 
 
 def _step_table() -> NDArray[np.int32]:

@@ -9,6 +9,10 @@ from slz.kernels.jit import kernel, kernel_of_source_mode, kernel_part
 from slz.kernels.raster.bitmap import LAST, NONE, ONE, Bits
 from slz.kernels.simd import LANES, broadcast, load, store, where
 
+Row = Array1D[np.float32]
+Word = Array1D[np.uint64]
+HIGHEST = np.float32(np.inf)
+
 
 @kernel_part
 def erode_columns(bits: Bits, by: int) -> None:
@@ -74,11 +78,6 @@ def erode(
         for w in range(word1 - word0):
             seeds[first + r, word0 + w] = part[r, w]
     return first, last, word0, word1
-
-
-Row = Array1D[np.float32]
-Word = Array1D[np.uint64]
-HIGHEST = np.float32(np.inf)
 
 
 @kernel_part

@@ -22,6 +22,19 @@ from slz.kernels.surface.surface_record import COUNT, GRADIENT, LEVEL, MEAN, RES
 
 BLOCK_M = 16.0  # side of the blocks in which an extent that falls is a plane
 FEW = 0.2  # cells2 added to the spread of a block: one of few cells has no gradient
+FLATTEST, RESIDUAL_M = np.float32(0.01), np.float32(0.06)  # of a plane over five cells, even with ripples
+ROUGHEST_M, SIGMAS = np.float32(0.2), 2.5  # of planes over ten cells, with waves; how far a shore may be off
+SMALLEST_M2 = 40.0  # extent of level planes, that is without a margin of two cells
+BAND_M = 0.06  # a cell at the shore belongs to the water if its mean is so near the level
+EXACT_M, EXACT_FALL_M = (0.006, 0.03), (0.006, 0.012)  # standard deviation of water, of ground; about a fall
+EXACTNESS = 1.0, -1.0
+FALLING_M = 0.018  # standard deviation of a level from which the extent may fall
+# Logarithms of 40, 100, 400, 10,000, 40,000 m2: nothing but water is level over so much.
+EXTENTS = tuple(np.log([40.0, 100.0, 400.0, 10_000.0, 40_000.0]).tolist())
+SCORE_EXTENTS = -2.0, 0.0, 1.5, 1.5, 3.0  # log odds
+SCORE_FALLING = 1.5  # at most, of an extent that falls
+FALLS, SCORES_FALL = (0.003, 0.006), (0.0, -3.0)
+SCORE_POOR = 1.5
 
 
 @kernel_part
@@ -99,22 +112,6 @@ def _fit(
                 x, y, z = cell * c - mx, cell * r - my, height[r, c] - mz
                 off[r, c] = z - a * x - b * y
                 steep[r, c] = math.hypot(a, b)
-
-
-FLATTEST, RESIDUAL_M = np.float32(0.01), np.float32(0.06)  # of a plane over five cells, even with ripples
-ROUGHEST_M, SIGMAS = np.float32(0.2), 2.5  # of planes over ten cells, with waves; how far a shore may be off
-SMALLEST_M2 = 40.0  # extent of level planes, that is without a margin of two cells
-BAND_M = 0.06  # a cell at the shore belongs to the water if its mean is so near the level
-EXACT_M, EXACT_FALL_M = (0.006, 0.03), (0.006, 0.012)  # standard deviation of water, of ground; about a fall
-EXACTNESS = 1.0, -1.0
-FALLING_M = 0.018  # standard deviation of a level from which the extent may fall
-
-# Logarithms of 40, 100, 400, 10,000, 40,000 m2: nothing but water is level over so much.
-EXTENTS = tuple(np.log([40.0, 100.0, 400.0, 10_000.0, 40_000.0]).tolist())
-SCORE_EXTENTS = -2.0, 0.0, 1.5, 1.5, 3.0  # log odds
-SCORE_FALLING = 1.5  # at most, of an extent that falls
-FALLS, SCORES_FALL = (0.003, 0.006), (0.0, -3.0)
-SCORE_POOR = 1.5
 
 
 @kernel_part

@@ -7,6 +7,9 @@ import numpy as np
 from slz.kernels.argument_types import Array1D, Array2D, Array3D
 from slz.kernels.jit import kernel_part
 
+REACH = 2  # steps to a side that closing spreads and shrinks by
+SIDES = ((1, 0), (-1, 0), (0, 1), (0, -1))
+
 
 @kernel_part
 def box_sums(layers: Array3D[np.float32], radius: int) -> Array3D[np.float32]:
@@ -34,10 +37,6 @@ def box_sums(layers: Array3D[np.float32], radius: int) -> Array3D[np.float32]:
                     total -= column[c - radius - 1]
                 out[k, r, c] = total
     return out
-
-
-REACH = 2  # steps to a side that closing spreads and shrinks by
-SIDES = ((1, 0), (-1, 0), (0, 1), (0, -1))
 
 
 @kernel_part

@@ -21,6 +21,16 @@ PENETRATION_PRIOR = np.float32(-4.0)
 SCORE_PIERCED, SCORE_SPREAD, SCORE_SEVERAL = np.float32(6.0), np.float32(2.0), np.float32(3.0)
 PIERCED, ROUGH, PIERCED_SHARES = np.float32(0.2), np.float32(0.5), np.float32(0.4)
 SEVERAL_FROM, SEVERAL_SHARES = np.float32(0.02), np.float32(0.1)
+STEP_M = 0.35  # between neighbouring cells of a plateau, for cells of a metre
+SMOOTH_M = np.float32(0.35)  # spread of the heights within a cell of a plateau
+LEAST_DROP_M = 1.5
+REACH_M = 4.0  # beyond the edge, within which the ground is looked for
+FLAT_M = 0.5  # between two places at the foot of a wall
+SMALLEST_M2, LARGEST_M2 = 8.0, 40_000.0
+FEWEST_EDGES = 8
+MOST_DROPS = 256
+LEAST_SHARE, SHARES = 0.3, 0.6 - 0.3  # of the known edges that drop
+SCORE_PRIOR, SCORE_DROPS = -4.0, 8.0
 
 
 @kernel_part
@@ -101,18 +111,6 @@ def connect(height: Array2D[np.float32], step: float) -> tuple[Array2D[np.int32]
             else:
                 out[r, c] = out[root // cols, root % cols]
     return out, n
-
-
-STEP_M = 0.35  # between neighbouring cells of a plateau, for cells of a metre
-SMOOTH_M = np.float32(0.35)  # spread of the heights within a cell of a plateau
-LEAST_DROP_M = 1.5
-REACH_M = 4.0  # beyond the edge, within which the ground is looked for
-FLAT_M = 0.5  # between two places at the foot of a wall
-SMALLEST_M2, LARGEST_M2 = 8.0, 40_000.0
-FEWEST_EDGES = 8
-MOST_DROPS = 256
-LEAST_SHARE, SHARES = 0.3, 0.6 - 0.3  # of the known edges that drop
-SCORE_PRIOR, SCORE_DROPS = -4.0, 8.0
 
 
 @kernel_part

@@ -28,6 +28,22 @@ FEWEST_DARK = 6.0  # dark returns more than others, of the neighbourhood
 AROUND_DARK = 1  # cells
 FEWEST_DARK_ON_EXTENT = 60.0  # dark returns around a cell on the same level extent
 SCORE_DARK = np.float32(3.5)  # log odds
+FEWEST_RETURNS = np.float32(2.0)  # returns of a cell from above, and from aside, whose heights compare
+AROUND = 2  # cells
+FEWEST_PAIRS = np.float32(6.0)  # of the neighbourhood
+BRIGHTER, BRIGHTEST = np.float32(2.0), np.float32(6.0)  # than from aside: dry 1.0 to 1.2, wet tarmac 2 to 5
+LEAST_M = np.float32(0.02)  # of the bottom below the surface
+ERROR_M = np.float32(3.0 * 0.03)  # three standard errors of a drop, of one pair of returns
+LEAST_LIGHT = np.float32(1e-6)
+SCORE_SPECULAR = np.float32(4.5)  # log odds
+FEWEST_RAYS = np.float32(4.0)  # of a cell that decide
+FEWEST_REPORTED = np.float32(3.0)  # lost rays that are no chance
+FEWEST_AROUND = np.float32(8.0)  # rays of the neighbourhood
+SCORE_ABOVE = np.float32(4.0)  # of a level cell seen from above alone, where no lost ray is reported
+EXTENT, FEWEST_ON_EXTENT = 10, np.float32(40.0)  # cells around, and rays there on the same level extent
+# Shares of rays answered, and log odds. Water in wind answers slanted rays, so that they never make it dry.
+BY_OBLIQUE = (0.1, 0.2, 0.75, 1.0), (4.5, 2.5, -3.0, -6.0)
+BY_SLANTED = (0.3, 0.6, 0.85, 0.95), (4.0, 3.0, 0.5, 0.0)
 
 
 @kernel
@@ -61,16 +77,6 @@ def dark_returns(fields: Array3D[np.float32], level: Array2D[np.bool_]) -> Array
     return out
 
 
-FEWEST_RETURNS = np.float32(2.0)  # returns of a cell from above, and from aside, whose heights compare
-AROUND = 2  # cells
-FEWEST_PAIRS = np.float32(6.0)  # of the neighbourhood
-BRIGHTER, BRIGHTEST = np.float32(2.0), np.float32(6.0)  # than from aside: dry 1.0 to 1.2, wet tarmac 2 to 5
-LEAST_M = np.float32(0.02)  # of the bottom below the surface
-ERROR_M = np.float32(3.0 * 0.03)  # three standard errors of a drop, of one pair of returns
-LEAST_LIGHT = np.float32(1e-6)
-SCORE_SPECULAR = np.float32(4.5)  # log odds
-
-
 @kernel
 def specular_returns(fields: Array3D[np.float32]) -> tuple[Array2D[np.float32], Array2D[np.float32]]:
     """Return the log odds for water, and the height of the water over a bottom that was seen, else NaN.
@@ -101,16 +107,6 @@ def specular_returns(fields: Array3D[np.float32]) -> tuple[Array2D[np.float32], 
         elif ratio >= BRIGHTEST:
             score.flat[k] = SCORE_SPECULAR
     return score, surface_m
-
-
-FEWEST_RAYS = np.float32(4.0)  # of a cell that decide
-FEWEST_REPORTED = np.float32(3.0)  # lost rays that are no chance
-FEWEST_AROUND = np.float32(8.0)  # rays of the neighbourhood
-SCORE_ABOVE = np.float32(4.0)  # of a level cell seen from above alone, where no lost ray is reported
-EXTENT, FEWEST_ON_EXTENT = 10, np.float32(40.0)  # cells around, and rays there on the same level extent
-# Shares of rays answered, and log odds. Water in wind answers slanted rays, so that they never make it dry.
-BY_OBLIQUE = (0.1, 0.2, 0.75, 1.0), (4.5, 2.5, -3.0, -6.0)
-BY_SLANTED = (0.3, 0.6, 0.85, 0.95), (4.0, 3.0, 0.5, 0.0)
 
 
 @kernel_for_any_types

@@ -46,6 +46,8 @@ TILT_S = 20.0  # in which the frame is levelled by the autopilot's attitude
 MOST_JUMPS, JUMPS_NS = 3, 10_000_000_000
 REASON_NS = 1_000_000_000
 SILENT, PARTS = "silent", "parts from the autopilot"
+VELOCITY_MS = 0.05  # standard deviation of a velocity beside its drift
+WAY_SHARE = 0.005  # drift of an odometry that states no covariance, of its way
 
 
 class ExternalOdometry:
@@ -358,10 +360,6 @@ class ExternalOdometry:
         self.drops[reason] += 1
         if reason is not Drop.FOREIGN:
             self._reason, self._reason_ns = reason.words, at_ns
-
-
-VELOCITY_MS = 0.05  # standard deviation of a velocity beside its drift
-WAY_SHARE = 0.005  # drift of an odometry that states no covariance, of its way
 
 
 def external_estimate(

@@ -8,6 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+STEP_NS = 500_000_000
+MOST = 4096  # half an hour; the older half is then thinned to every other one
+# Errors that scan and plane share, unknown to the filter: of each generation of the map.
+SHARED_M = np.array([0.03, 0.03, 0.05])
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,12 +41,6 @@ class OdometryEstimate:
     def is_healthy(self) -> bool:
         """True if position and tilt are observed: with the autopilot's heading, enough to land by."""
         return bool(self.observed[:5].all())
-
-
-STEP_NS = 500_000_000
-MOST = 4096  # half an hour; the older half is then thinned to every other one
-# Errors that scan and plane share, unknown to the filter: of each generation of the map.
-SHARED_M = np.array([0.03, 0.03, 0.05])
 
 
 class MapUncertainty:

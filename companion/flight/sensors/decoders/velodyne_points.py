@@ -25,6 +25,7 @@ TICK_NS = 2_304  # between two lasers
 SEQUENCE_TICKS = 24  # between two firings of all lasers
 CIRCLE = 36_000  # hundredths of a degree
 MOST_PER_TICK = CIRCLE * 25 * TICK_NS * 1e-9  # at 5 to 20 turns a second; more is an omitted sector
+NUMBER = np.full(256, -1)  # row of a model in the tables, by its factory byte
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +94,6 @@ SHAPE = np.array([shape for shape, _, _ in _TABLES])
 TICKS = np.array([ticks for _, ticks, _ in _TABLES])
 RING = np.array([ring for _, _, ring in _TABLES], np.uint8)
 BLOCK_TICKS = np.array([SEQUENCE_TICKS * count // BLOCKS for count in SEQUENCES.values()])
-NUMBER = np.full(256, -1)  # row of a model in the tables, by its factory byte
 NUMBER[list(MODELS)] = range(len(MODELS))
 THINNING = np.array(
     [thinning(len(lasers.elevation_deg) / (SEQUENCE_TICKS * TICK_NS * 1e-9)) for lasers in MODELS.values()]
