@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -24,6 +25,7 @@ from slz.terrain.terrain import Tally
 from slz.terrain.terrain_maps import UNKNOWN, TerrainMaps
 from slz.terrain.terrain_view import Drawn, read_changes
 from slz.window import Window
+from slz.zone import zone_mask
 
 Points = NDArray[np.float64]
 FARTHEST_M = 1e8  # of a place that may be selected; more than the way around the earth
@@ -85,7 +87,9 @@ class Pipeline:
         with timed("landing_point", ms):
             self._selected = self._judge_selected(result)
         with timed("nearby", ms):
-            around = nearby(result.near.terrain, result.far.terrain, window.sensor_enu_m)
+            near, error_m = result.near, self._parameters.touchdown_error_m
+            landable = partial(self._landable, near)
+            around = nearby(near.terrain, result.far.terrain, window.sensor_enu_m, landable, error_m)
         return self.method.report(
             stamp_ns=window.end_ns,
             frame=window.frame,
@@ -248,6 +252,19 @@ class Pipeline:
         if self._frame not in (None, frame):
             self._selected = None
         self._frame = frame
+
+    def _landable(self, near: ResolutionMap, box: Box) -> NDArray[np.bool_]:
+        """Return the cells of a box in zones that need no confirmation, as certain as a landing point is."""
+        p = self._parameters
+        usable = tuple(
+            zone
+            for zone in near.zones
+            if not zone.best.has_no_heading
+            and not zone.best.surface.must_be_confirmed(p.roof, p.vegetation)
+            and zone.best.surface.water <= p.water_suspicion
+        )
+        inside = zone_mask(usable, box)
+        return inside & (near.terrain.layer("certainty", box) >= p.min_certainty) if inside.any() else inside
 
     def _judge_selected(self, result: MethodResult) -> SelectedPoint | None:
         if self._selected is None:

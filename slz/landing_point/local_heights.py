@@ -1,12 +1,13 @@
-"""Height map around the vehicle, small enough for every report.
+"""Map around the vehicle, small enough for every report: heights, and where it can land.
 
-Obstacle avoidance runs at its own rate and cannot wait for a window, so it reads this map.
+Obstacle avoidance and the autopilot's own landings cannot wait for a window, so they read this map.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +22,7 @@ LEAST_CELL_M = 0.5
 FOOT_M = 1.0
 
 Floats = NDArray[np.float32]
+Cells = Callable[[Box], NDArray[np.bool_]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,7 +31,8 @@ class Nearby:
 
     ground_m: (rows, cols) float32, mean height of the returns of the highest map cell in each block, up in
     the map frame. top_m: (rows, cols) float32, highest return of the block; on safe ground equal to the mean
-    height.
+    height. landable: (rows, cols) bool, True where the vehicle can land on any cell of the block, missed by
+    the touchdown error.
     """
 
     west_m: float
@@ -37,6 +40,7 @@ class Nearby:
     cell_m: float
     ground_m: Floats
     top_m: Floats
+    landable: NDArray[np.bool_]
 
     def ground_below_m(self, enu_m: NDArray[np.float64]) -> float:
         """Return the median height of the ground within 1 m of a point (2,) or (3,); NaN where unknown."""
@@ -62,8 +66,14 @@ class Nearby:
         return np.stack([east, north, self.top_m[rows, cols].astype(np.float64)], axis=1)
 
 
-def nearby(near: TerrainView, far: TerrainView, sensor_enu_m: NDArray[np.float64]) -> Nearby | None:
-    """Return the heights around the sensor, of the far map where the near one knows none.
+def nearby(
+    near: TerrainView,
+    far: TerrainView,
+    sensor_enu_m: NDArray[np.float64],
+    safe: Cells,
+    error_m: float,
+) -> Nearby | None:
+    """Return the map around the sensor, with the far map's heights where the near one knows none.
 
     Parameters
     ----------
@@ -71,6 +81,10 @@ def nearby(near: TerrainView, far: TerrainView, sensor_enu_m: NDArray[np.float64
         Both maps, of any cell size.
     sensor_enu_m
         (3,) east, north, up; None is returned where it is not finite.
+    safe
+        Returns which cells of a box of the near map the vehicle may land on.
+    error_m
+        Touchdown error: every cell within it must be safe.
     """
     if not is_known(sensor_enu_m):
         return None
@@ -83,9 +97,19 @@ def nearby(near: TerrainView, far: TerrainView, sensor_enu_m: NDArray[np.float64
     west = near.grid.west_m + box.col0 * cell_m
     south = near.grid.south_m + box.row0 * cell_m
     _fill(ground, top, far, west, south, block * cell_m)
-    for array in (ground, top):
+    landable = _landable(safe, box, block, math.ceil(error_m / cell_m - 1e-9))
+    for array in (ground, top, landable):
         array.setflags(write=False)
-    return Nearby(west, south, block * cell_m, ground, top)
+    return Nearby(west, south, block * cell_m, ground, top, landable)
+
+
+def _landable(safe: Cells, box: Box, block: int, error: int) -> NDArray[np.bool_]:
+    """Return the blocks of a box all of whose cells, and all within an error of cells, are safe."""
+    wide = safe(Box(box.row0 - error, box.row1 + error, box.col0 - error, box.col1 + error))
+    side = block + 2 * error
+    across = np.logical_and.reduce([wide[row : row + box.shape[0] : block] for row in range(side)])
+    landable = [across[:, col : col + box.shape[1] : block] for col in range(side)]
+    return np.asarray(np.logical_and.reduce(landable))
 
 
 def _blocks(layer: Floats, side: int) -> Floats:

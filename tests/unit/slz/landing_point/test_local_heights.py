@@ -19,7 +19,7 @@ SENSOR = np.array([0.0, 0.0, 15.0])
 
 def patch(ground: list[list[float]], west_m: float = 0.0, cell_m: float = 0.5) -> Nearby:
     heights = np.array(ground, np.float32)
-    return Nearby(west_m, 0.0, cell_m, heights, heights)
+    return Nearby(west_m, 0.0, cell_m, heights, heights, np.zeros(heights.shape, bool))
 
 
 def ground(seed: int, half_m: float = 20.0, count: int = 120_000) -> NDArray[np.float64]:
@@ -142,7 +142,13 @@ def test_it_is_made_in_either_mode(mode: str) -> None:
 
 
 def test_columns_stand_in_the_middles_of_their_cells() -> None:
-    heights = Nearby(-3.0, 7.0, 0.5, *(np.array([[0, 5, np.nan], [9, 1, 6]], np.float32) for _ in "gt"))
+    heights = Nearby(
+        -3.0,
+        7.0,
+        0.5,
+        *(np.array([[0, 5, np.nan], [9, 1, 6]], np.float32) for _ in "gt"),
+        np.zeros((2, 3), bool),
+    )
     found = heights.columns_enu_m(4.0)
     assert found.tolist() == [[-2.25, 7.25, 5.0], [-2.75, 7.75, 9.0], [-1.75, 7.75, 6.0]]
 

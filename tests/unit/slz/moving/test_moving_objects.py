@@ -25,7 +25,7 @@ def ground(height_m: float = 0.0, unknown_east_m: float = math.inf) -> Nearby:
     """Return level ground, unknown from an easting on."""
     level = np.full((120, 120), height_m, np.float32)
     level[:, np.arange(120) * 0.5 - 30.0 >= unknown_east_m] = np.nan
-    return Nearby(-30.0, -30.0, 0.5, level, level.copy())
+    return Nearby(-30.0, -30.0, 0.5, level, level.copy(), np.zeros(level.shape, bool))
 
 
 def returns_of(place: tuple[float, float], rng: np.random.Generator, count: int, size_m: float) -> Floats:

@@ -17,7 +17,7 @@ def report(raised_m: float = 0.0, west_m: float = -5.0, cell_m: float = 0.5) -> 
     top = ground.copy()
     row, col = (int((0.2 - corner) // cell_m) for corner in (-5.0, west_m))
     top[row, col] = raised_m
-    return Nearby(west_m, -5.0, cell_m, ground, top)
+    return Nearby(west_m, -5.0, cell_m, ground, top, np.zeros(ground.shape, bool))
 
 
 def top_at(recent: RecentGround, nearby: Nearby, now_ns: int, east_m: float = 0.2) -> float:
