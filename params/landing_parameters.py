@@ -12,6 +12,16 @@ class LandingParameters(SensorParameters):
     """Parameters of landing."""
 
     # ---- landing --------------------------------------------------------------------------------
+    assist: Annotated[
+        Literal["off", "offer", "act"],
+        Spec(
+            "SLZ_ASSIST",
+            "",
+            OURS,
+            "Landings of the autopilot's own: let alone, offered a target, or taken over at the end.",
+            live=True,
+        ),
+    ] = "off"
     survey_s: Annotated[
         float,
         in_range(2, 3600),

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from companion.flight.landing.aim import PointSelection, same_place
+from companion.flight.landing.assist.assist import Assist
 from companion.flight.landing.check_order import Check, decided
 from companion.flight.landing.fenced_zones import FencedZones
 from companion.flight.landing.guidance import BRAKING_MS2
@@ -36,6 +37,7 @@ from companion.flight.landing.phases.waiting import Waiting
 from companion.flight.landing.pilot_texts import PilotTexts
 from companion.flight.landing.route import Route
 from companion.flight.landing.situation import (
+    COMMANDING,
     Emergency,
     Phase,
     Situation,
@@ -72,6 +74,8 @@ class Executive:
         Checks of each phase, in their order.
     reactions
         Reactions to interruptions, which are checked before the phase.
+    assist
+        Target of the landings that the autopilot makes by itself.
     """
 
     def __init__(self, parameters: Parameters, auto: bool) -> None:
@@ -84,6 +88,7 @@ class Executive:
         self._fenced = fenced = FencedZones(p)
         self._soonest = soonest = SoonestZone(p, progress, fenced, endurance)
         self._ways = WaysOfPoint(p, route)
+        self.assist = Assist(p, texts, selection, soonest)
         transitions = Transitions(p, progress, texts, route, selection, ownership, outage, wind, gps_loss)
         core = LandingCore(p, progress, texts, transitions)
         missing_inputs = MissingInputs(core, outage, gps_loss)
@@ -157,8 +162,10 @@ class Executive:
     @property
     def mapping(self) -> bool:
         """True if scans are mapped: not close to the point, where rotors blow up dust."""
-        aim = self.progress.aim
+        aim = self.assist.aim if self.assist.leads else self.progress.aim
         low = aim.height_left_m < self.parameters.dust_height_m
+        if self.assist.leads:
+            return not low
         if self.phase is Phase.LANDED:  # the next flight may go below the point
             return not (low and aim.away_m < self.parameters.footprint_m + self.parameters.dust_height_m)
         return not (low and self.phase is Phase.FINAL)
@@ -211,6 +218,8 @@ class Executive:
             tally.landed_enu_m = moved(tally.landed_enu_m)
         if aim.enu_m is not None:
             aim.set_target(moved(aim.on_ground_enu_m))
+        led = self.assist.aim
+        self.assist.change_frame(None if led.enu_m is None else moved(led.on_ground_enu_m))
 
     def on_refusal(self) -> None:
         """Begin nothing any more after the pilot was called for a refused mode."""
@@ -223,7 +232,7 @@ class Executive:
         commands = self.reactions.commands(s)
         if commands is None:
             commands = decided(self.checks[self.phase], s)
-        commands = _inside_fence(commands, s)
+        commands = self._assisted(_inside_fence(commands, s), s)
         if not s.heard:  # the pilot may have chosen another mode meanwhile
             commands = replace(commands, mode=None)
         if commands.mode == "land":
@@ -236,6 +245,14 @@ class Executive:
             texts=self._texts.collect_texts(),
             lasting=self._texts.collect_lasting(),
         )
+
+    def _assisted(self, commands: VehicleCommands, s: Situation) -> VehicleCommands:
+        """Return the commands with a target for landings of the autopilot's own; take some of them over."""
+        target = self.assist.target(s, commanding=self.phase in COMMANDING)
+        place = self.assist.place_to_take_over(s)
+        if place is not None:
+            self.orders.take_over_landing(s, place)
+        return commands if commands.target_enu_m is not None else replace(commands, target_enu_m=target)
 
 
 def _inside_fence(commands: VehicleCommands, s: Situation) -> VehicleCommands:

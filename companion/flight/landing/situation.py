@@ -91,7 +91,8 @@ class Situation:
     of flight, must not be commanded; "" if it may. fence: the autopilot's, as far as it is known.
     asked_enu_ms: velocity of the last step's setpoint as it was sent, None without one. commander: whose
     target the autopilot follows in its guided mode, "" while it is ours. judged_ns: time of the newest report
-    of the present map, None before the first.
+    of the present map, None before the first. lands_itself: the autopilot is in a landing of its own or of
+    slz; follows_target: LANDING_TARGET leads it there.
     """
 
     now_ns: int
@@ -136,6 +137,8 @@ class Situation:
     asked_enu_ms: Vector | None = None
     commander: str = ""
     judged_ns: int | None = None
+    lands_itself: bool = False
+    follows_target: bool = False
 
 
 @dataclass(frozen=True, slots=True)

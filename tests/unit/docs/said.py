@@ -31,6 +31,7 @@ SOURCES = (
     "companion/flight/dashboard/site.py",
     "companion/flight/dashboard/viewer.py",
     "companion/desk/replay/replay_page.py",
+    "companion/flight/landing/assist/assist.py",
     "companion/flight/landing/looks/closer_look.py",
     "companion/flight/landing/looks/oblique_look.py",
     "companion/flight/landing/interruptions/crossing.py",

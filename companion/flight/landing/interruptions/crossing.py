@@ -11,7 +11,14 @@ from dataclasses import replace
 
 from companion.flight.landing.aim import Aim, committed_m
 from companion.flight.landing.point_objections import objection
-from companion.flight.landing.situation import STOPPED, Phase, Severity, Situation, VehicleCommands
+from companion.flight.landing.situation import (
+    STOPPED,
+    Phase,
+    Severity,
+    Situation,
+    Vector,
+    VehicleCommands,
+)
 from companion.flight.landing.transitions import SECOND, LandingCore
 from companion.flight.landing.ways.endurance import is_battery_low
 from params import Parameters
@@ -146,6 +153,16 @@ def crossing(s: Situation, aim: Aim, parameters: Parameters) -> tuple[MovingObje
     from_s = max(0.0, aim.height_left_m / FASTEST_MS - BEFORE_S)
     until_s = min(LONGEST_S, aim.height_left_m / SLOWEST_MS + AFTER_S)
     return _within_berth(s.moving, s, aim, p, from_s, until_s)
+
+
+def is_clear_of(
+    moving: Iterable[MovingObject], now_ns: int, point_enu_m: Vector, parameters: Parameters
+) -> bool:
+    """Return whether nobody is, or soon will be, at a place, if they keep their course."""
+    until_ns = now_ns + round(LONGEST_S * 1e9)
+    return all(
+        one.nearest(point_enu_m[:2], now_ns, until_ns)[0] >= _berth_m(one, parameters) for one in moving
+    )
 
 
 def on_the_point(s: Situation, aim: Aim, parameters: Parameters) -> tuple[MovingObject, ...]:

@@ -13,6 +13,7 @@ from companion.flight.landing.landing_progress import LandingProgress
 from companion.flight.landing.orders.mode_ownership import ModeOwnership
 from companion.flight.landing.outage import GpsLoss
 from companion.flight.landing.situation import Phase, Situation
+from companion.flight.landing.sticks import are_moved
 from companion.flight.landing.wind.landing_wind import LandingWind
 from params import Parameters
 
@@ -113,9 +114,6 @@ PATIENCE_NS = {
 }
 CALL_AGAIN_NS = 30 * SECOND
 REPORTED = (Reaction.CALL, Reaction.TELL, Reaction.HOLD)  # now and then, while the breach lasts
-STICK_US = 80  # beyond the dead zones of both autopilots
-HELD_US = 150  # from the middle of the pulse: beyond the rest position of any calibrated transmitter
-MIDDLE_US = 1500
 # Height over the point and vertical speed, up to which the vehicle stands: nobody can move it any more.
 STANDS_M, STANDS_MS = 0.15, 0.2
 CLIMBING_MS = 0.5  # climb rate that the change to LAND does not reach
@@ -226,7 +224,7 @@ class Preconditions:
             broken[Precondition.GLITCH] = ""
         if s.gps_drift_m > MOST_DRIFT_M:
             broken[Precondition.DRIFT] = ""
-        if self._sticks_moved(s):
+        if are_moved(s.sticks_us, self._rest_us):
             broken[Precondition.STICKS] = ""
         since_ns, lost_ns = self._landing_since_ns, s.target_lost_ns
         if since_ns is not None and lost_ns is not None and lost_ns > since_ns:
@@ -247,12 +245,6 @@ class Preconditions:
         if self._following.departs:
             broken[Precondition.FOLLOWS] = "velocity not followed"
         return broken
-
-    def _sticks_moved(self, s: Situation) -> bool:
-        if s.sticks_us is None or self._rest_us is None:
-            return False
-        moved = any(abs(now - rest) > STICK_US for now, rest in zip(s.sticks_us, self._rest_us, strict=True))
-        return moved or any(abs(now - MIDDLE_US) > HELD_US for now in s.sticks_us)
 
     def _lasts(self, precondition: Precondition, broken: dict[Precondition, str], now_ns: int) -> bool:
         """Return whether a precondition has failed for its minimum time."""

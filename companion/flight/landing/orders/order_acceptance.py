@@ -79,6 +79,14 @@ class OrderAcceptance:
         self._ownership.on_leave_request(situation)
         return self._start(situation, LandingRequest(urgent=True))
 
+    def take_over_landing(self, situation: Situation, enu_m: Vector) -> Reply:
+        """Lead a landing of the autopilot's to a place, from any mode, without an operator's order."""
+        refusal = _not_flying(situation)
+        if refusal is not None:
+            return refusal
+        self._ownership.on_leave_request(situation)
+        return self._start(situation, LandingRequest(enu_m, urgent=True))
+
     def select_point(self, enu_m: Vector) -> Reply:
         """Select a point without flying to it."""
         if self._progress.phase in COMMANDING - {Phase.HOLD}:

@@ -12,6 +12,7 @@ from companion.flight.link.autopilots.autopilot_interface import (
     ExternalPosition,
     FenceLimits,
     FenceRules,
+    LandingMode,
 )
 from companion.flight.link.vehicle_class import COPTER_TYPES, VTOL_STATES, VTOL_TYPES, type_name
 
@@ -90,6 +91,12 @@ ARDUPILOT = Autopilot(
     mode_types=COPTER_TYPES,
     guided_mode="GUIDED",
     landing_mode="LAND",
+    # The last part of each follows a target, and is reported (mode.cpp, land_run_horizontal_control).
+    own_landings={
+        "LAND": LandingMode(),
+        **dict.fromkeys(("RTL", "SMART_RTL", "AUTO_RTL", "AUTO"), LandingMode(at_end=True)),
+    },
+    reports_landing=True,
     no_command_reason=_no_command_reason,
     plane_parameter="Q_ENABLE",  # of ArduPlane alone, whatever its value; Q_MAV_TYPE may pose as a multirotor
     parameter_file="arducopter.parm",

@@ -87,6 +87,17 @@ class ExternalPosition:
     needs_clock: bool = False
 
 
+@dataclass(frozen=True, slots=True)
+class LandingMode:
+    """Mode in which the autopilot lands by itself.
+
+    follows_target: whether LANDING_TARGET leads it there. at_end: it lands in its last part only.
+    """
+
+    follows_target: bool = True
+    at_end: bool = False
+
+
 def _nothing_commanded(vehicle_type: int, vtol_state: int | None, is_plane: bool) -> str:
     return "unknown autopilot"
 
@@ -120,6 +131,10 @@ class Autopilot:
         MAV_TYPE of the vehicles with these modes, None for all.
     guided_mode, landing_mode
         Names of the mode that follows our setpoints, and of the one that lands at our target.
+    own_landings
+        Modes in which it lands by itself, whoever set them.
+    reports_landing
+        Whether MAV_LANDED_STATE_LANDING is the last part of every mode that lands.
     no_command_reason
         From MAV_TYPE, MAV_VTOL_STATE or `VTOL_UNHEARD` (None before the first), and whether it has its
         `plane_parameter`, to the reason not to command such a vehicle, "" if it may be. Users may set the
@@ -172,6 +187,8 @@ class Autopilot:
     mode_types: frozenset[int] | None = None
     guided_mode: str | None = None
     landing_mode: str | None = None
+    own_landings: Mapping[str, LandingMode] = field(default_factory=dict)
+    reports_landing: bool = False
     no_command_reason: Callable[[int, int | None, bool], str] = _nothing_commanded
     plane_parameter: str | None = None
 

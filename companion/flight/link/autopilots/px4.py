@@ -13,6 +13,7 @@ from companion.flight.link.autopilots.autopilot_interface import (
     ExternalPosition,
     FenceLimits,
     FenceRules,
+    LandingMode,
     Stream,
 )
 from companion.flight.link.vehicle_class import (
@@ -87,6 +88,12 @@ PX4 = Autopilot(
     unpack_mode=_unpack_mode,
     guided_mode="OFFBOARD",
     landing_mode="AUTO.PRECLAND",
+    # RTL follows one with RTL_PLD_MD, a mission's NAV_LAND with param2 (rtl_direct.cpp, mission_base.cpp).
+    own_landings={
+        "AUTO.LAND": LandingMode(follows_target=False),
+        "AUTO.PRECLAND": LandingMode(),
+        **dict.fromkeys(("AUTO.RTL", "AUTO.MISSION"), LandingMode(at_end=True)),
+    },
     no_command_reason=_no_command_reason,
     mode_stream=Stream("CURRENT_MODE", CURRENT_MODE, 5.0, needed=False, steady_hz=MODE_HZ),
     own_streams=(

@@ -166,7 +166,7 @@ async def test_wires_are_shown_where_they_were_seen_and_where_they_go_on(
     found = Flight([]).situation().report
     assert found is not None
     level = np.zeros((120, 120), np.float32)
-    around = Nearby(-30.0, -30.0, 0.5, level, level)
+    around = Nearby(-30.0, -30.0, 0.5, level, level, np.zeros(level.shape, bool))
     one = Wire(3, curve, -8.0, 8.0, -12.0, 8.0, (False, True), 20, 0, 0)
     try:
         monkeypatch.setattr(companion.deciding.situations, "situation", Flight([]).situation)

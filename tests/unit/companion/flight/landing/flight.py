@@ -20,6 +20,7 @@ from slz import (
     LocalFrame,
     MapReport,
     MovingObject,
+    Nearby,
     PointState,
     Report,
     SelectedPoint,
@@ -112,6 +113,7 @@ class Flight:
         self.prior_zones: list[Zone] = []
         self.heading_deg: float | None = 0.0
         self.footing = ANY_FOOTING
+        self.around: Nearby | None = None
         self.moving: Callable[[Flight], tuple[MovingObject, ...]] = lambda _flight: ()
         self.surface: Callable[[np.ndarray], SurfaceHere] = self.surface_of_zone
 
@@ -131,7 +133,8 @@ class Flight:
         height_m = float(self.position[2]) if self.sees_ground else math.nan
         choice = Choice(100.0, height_m, 0.0, False, 0, 1.0)
         report = Report(int(self.time_s) * 10**9, FRAME, near, far, choice, selected, 1000, 1000, 0, 0, {})
-        report = replace(report, prior=MapReport(GRID, tuple(self.prior_zones)), wires=self.wires)
+        prior = MapReport(GRID, tuple(self.prior_zones))
+        report = replace(report, prior=prior, wires=self.wires, nearby=self.around)
         return Situation(
             now_ns=self.now_ns,
             guided=self.mode in ("GUIDED", "OFFBOARD"),

@@ -39,7 +39,7 @@ def mapped(up_m: float | None, pole_m: float = math.nan) -> Nearby:
     ground = np.full((40, 40), np.nan if up_m is None else up_m, np.float32)
     top = ground.copy()
     top[20, 30] = pole_m
-    return Nearby(-10.0, -10.0, 0.5, ground, top)
+    return Nearby(-10.0, -10.0, 0.5, ground, top, np.zeros(ground.shape, bool))
 
 
 @pytest.mark.parametrize(

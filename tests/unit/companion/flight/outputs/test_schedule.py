@@ -120,7 +120,9 @@ class Flight:
         top = ground.copy()
         top[52, 40] = tower_m
         report = object.__new__(Report)
-        object.__setattr__(report, "nearby", Nearby(-20.25, -20.25, 0.5, ground, top))
+        object.__setattr__(
+            report, "nearby", Nearby(-20.25, -20.25, 0.5, ground, top, np.zeros(ground.shape, bool))
+        )
         object.__setattr__(report, "selected", None)
         object.__setattr__(report, "near", SimpleNamespace(zones=()))
         object.__setattr__(report, "wires", wires)

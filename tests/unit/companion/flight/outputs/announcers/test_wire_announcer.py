@@ -29,7 +29,9 @@ def report(*wires: Wire, point_east_m: float | None = None) -> Report:
     assert found is not None
     level = np.zeros((120, 120), np.float32)
     selected = None if point_east_m is None else unknown(np.array([point_east_m, 0.0, 0.0]))
-    return replace(found, wires=wires, selected=selected, nearby=Nearby(-30.0, -30.0, 0.5, level, level))
+    return replace(
+        found, wires=wires, selected=selected, nearby=Nearby(-30.0, -30.0, 0.5, level, level, level > 0)
+    )
 
 
 def test_a_wire_is_told_once() -> None:
