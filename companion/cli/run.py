@@ -33,7 +33,11 @@ def run(
     mavlink: Annotated[str, typer.Option(help="udpin:HOST:PORT, tcp:HOST:PORT or /dev/ttyX,BAUD.")],
     lidar: Annotated[str, typer.Option(help=LIDAR)],
     land: Annotated[
-        str, typer.Option(help="ask: wait for the operator. auto: land without further word.")
+        str,
+        typer.Option(
+            help="ask: wait for the operator. auto: land without further word. assist: as ask, and offer the"
+            " autopilot's own landings a safe target (SLZ_ASSIST)."
+        ),
     ] = "ask",
     profile: Profile = "quadcopter",
     setting: Settings = [],  # noqa: B006
@@ -73,10 +77,11 @@ def run(
     from companion.flight.services import settings
     from companion.runtime.state_directory import StateDir, default_state_dir
 
-    if land not in ("ask", "auto"):
-        raise UsageError(f"--land {land!r}: use ask or auto")
+    if land not in ("ask", "auto", "assist"):
+        raise UsageError(f"--land {land!r}: use ask, auto or assist")
     state = StateDir(state_dir or default_state_dir())
-    parameters = settings.load(profile, setting, state)
+    offers = ["assist=offer"] if land == "assist" else []
+    parameters = settings.load(profile, [*offers, *setting], state)
     compile_at_first(kernel_compilation.of_flight(parameters.mode))
     from companion.cli import vehicle_run
 

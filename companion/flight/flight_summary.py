@@ -43,6 +43,8 @@ def flight_summary(flight: FlightView) -> dict[str, Any]:
         "pilot_took_over": tally.hands_off,
         "failsafes": tally.failsafes,
         "off_point_m": None if tally.off_point_m is None else round(tally.off_point_m, 2),
+        "landing_here": None if executive.assist.now is None else executive.assist.now.text,
+        "assist": {"mode": flight.parameters.assist, **asdict(executive.assist.tally)},
         **_found(flight.mapping.latest.newest),
         "zones_seen": len(flight.mapping.latest.zones_seen),
         "reports": worker.reports,

@@ -39,6 +39,8 @@ def state(flight: FlightView) -> dict[str, Any]:
         "phase": outlook.phase.value,
         "doing": outlook.doing,
         "abort_does": outlook.abort,
+        "here": "" if executive.assist.now is None else executive.assist.now.text,
+        "assist": parameters.assist,
         "flying": executive.phase in COMMANDING,
         "mode": s.mode,
         "guided": s.guided,

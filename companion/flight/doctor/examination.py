@@ -80,6 +80,16 @@ def grounded_findings(parameters: Parameters) -> list[Finding]:
     ]
 
 
+def assist_finding(parameters: Parameters) -> Finding:
+    """Tell whether the landings that the autopilot makes by itself are led to safe ground."""
+    meaning = {
+        "off": "off: landings of the autopilot's own end where it puts them",
+        "offer": "offer: landings of the autopilot's own get a safe target",
+        "act": "act: as offer, and a landing that takes no target is taken over",
+    }
+    return Finding("assist", "ok", meaning[parameters.assist])
+
+
 def fence_finding(fence: AutopilotFence | None) -> Finding:
     """Judge the fence as read; None if it could not be read, or its items make none."""
     if fence is None:
@@ -159,6 +169,7 @@ class Examination:
             raise errors.exceptions[0] from None
         log.info("measuring this computer; the first time this compiles for some minutes")
         # Last, because it loads the CPU.
+        found.append(assist_finding(self.parameters))
         return [*found, *findings, *machine_findings(self.parameters, self.late_ms)]
 
     async def _autopilot(self, link: Link) -> list[Finding]:

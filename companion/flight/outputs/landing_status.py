@@ -25,7 +25,8 @@ class Status:
     phase, point: one of `PHASES`, of `POINTS`. zones: their number. best_zone: ID of the best ranked zone.
     certainty: probability that the selected point is safe, else that of the best zone. height_m: over the
     selected point. latency_ms: median age of the newest window's returns at its report. dropped: windows,
-    and messages that no channel accepted. sync_ms: residual of TIMESYNC.
+    and messages that no channel accepted. sync_ms: residual of TIMESYNC. here_m, here_deg: distance and
+    bearing of the nearest place to land on, 0 m where it is safe below, -1 m where none is within reach.
     """
 
     phase: str
@@ -37,6 +38,8 @@ class Status:
     latency_ms: float
     dropped: int
     sync_ms: float
+    here_m: float = math.nan
+    here_deg: float = math.nan
 
 
 def landing_status(
@@ -48,7 +51,7 @@ def landing_status(
     selected = None if report is None else report.selected
     best = report.zones[0] if report is not None and report.zones else None
     over = nan if pose is None or selected is None else float(pose.position_enu_m[2]) - selected.height_m
-    timesync = link.inbox.clock.timesync
+    timesync, here = link.inbox.clock.timesync, executive.assist.now
     return Status(
         phase=executive.phase.value,
         zones=0 if report is None else len(report.zones),
@@ -59,6 +62,8 @@ def landing_status(
         latency_ms=worker.age_ms,
         dropped=worker.dropped_windows + link.statistics().dropped,
         sync_ms=timesync.residual_ns * 1e-6 if timesync.synced else nan,
+        here_m=nan if here is None else here.number_m,
+        here_deg=nan if here is None else here.bearing_deg,
     )
 
 
@@ -74,6 +79,8 @@ def status_messages(status: Status, boot_ms: int) -> list[Any]:
         "SLZ_LATE": status.latency_ms,
         "SLZ_DROPS": status.dropped,
         "SLZ_SYNC": status.sync_ms,
+        "SLZ_HERE_M": status.here_m,
+        "SLZ_HERE_D": status.here_deg,
     }
     return [
         named_value(name, float(value), boot_ms) for name, value in values.items() if math.isfinite(value)
