@@ -18,11 +18,11 @@ from sitl.autopilot.airframe import Airframe, Kind
 from sitl.autopilot.cascade_control import VelocityLoop, attitude_for, rate_command
 from sitl.autopilot.commands import Commands
 from sitl.autopilot.failsafe import PERIOD_NS, Failsafes
-from sitl.autopilot.mission_items import MissionServer, Rally
+from sitl.autopilot.guidance.precland import PrecisionLanding
+from sitl.autopilot.mission_items import FlightPlan, MissionServer, Rally
 from sitl.autopilot.modes import NEEDS_POSITION, PILOTED, Mode, Navigator
 from sitl.autopilot.parameters import with_defaults
 from sitl.autopilot.position_aiding import PositionAiding
-from sitl.autopilot.precland import PrecisionLanding
 from sitl.autopilot.proximity import Proximity
 from sitl.autopilot.radio_receiver import RadioReceiver
 from sitl.autopilot.telemetry import Telemetry
@@ -89,10 +89,10 @@ class Autopilot:
         self.navigator = Navigator(self.parameters, self.precland)
         self.airframe = Airframe()
         self.target_enu_ms = np.zeros(3)
-        self.rally = Rally(self)
+        self.rally, self.plan = Rally(self), FlightPlan(self)
         self.failsafes = Failsafes(self)
         self.telemetry = Telemetry(self, self.failsafes)
-        self.missions = MissionServer(self, self.rally, self.failsafes.fence.items)
+        self.missions = MissionServer(self, self.plan, self.rally, self.failsafes.fence.items)
         self.commands = Commands(self, self.telemetry, self.failsafes, self.missions)
         self.faults = 0
         """Number of messages that raised an exception in a handler and were dropped."""
@@ -221,20 +221,29 @@ class Autopilot:
     def set_mode(self, mode: Mode) -> bool:
         """Change the mode; GUIDED, RTL and others that need a position are refused without one."""
         if self.estimate is None or (mode in NEEDS_POSITION and not self.position_ok):
-            self.send_text(
-                f"Mode change to {mode.name} failed: requires position", mavlink.MAV_SEVERITY_WARNING
-            )
-            return False
+            return self._refuse(mode, "requires position")
         if mode is not self.mode:
+            if mode is Mode.AUTO and self.armed and not self.airborne and not self.plan.starts_with_takeoff:
+                self.send_text("Auto: Missing Takeoff Cmd", mavlink.MAV_SEVERITY_CRITICAL)
+                return self._refuse(mode, "init failed")
+            if (mode is Mode.AUTO and not self.plan.items) or (
+                mode is Mode.SMART_RTL and not self.navigator.path_return.is_available
+            ):
+                return self._refuse(mode, "init failed")
             self.mode = mode
             self.navigator.rally_enu_m = self.rally.points_enu_m()
+            self.navigator.mission.legs = self.plan.legs()
             self.navigator.enter(mode, self.estimate)
-            self.navigator.blind = mode is Mode.LAND and not self.position_ok
+            self.navigator.landing.blind = mode is Mode.LAND and not self.position_ok
             self.failsafes.in_charge = False
             self.failsafes.fence.recover(self._now_ns)
             self.mode_changes.append((self._now_ns, mode.name))
             self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
         return True
+
+    def _refuse(self, mode: Mode, reason: str) -> bool:
+        self.send_text(f"Mode change to {mode.name} failed: {reason}", mavlink.MAV_SEVERITY_WARNING)
+        return False
 
     def arm(self) -> str | None:
         """Arm; return the reason for a refusal."""
@@ -242,7 +251,7 @@ class Autopilot:
             return None
         if not self.position_ok:
             return "Arm: Need Position Estimate"
-        if self.mode in (Mode.LAND, Mode.RTL, Mode.BRAKE):
+        if self.mode in (Mode.LAND, Mode.RTL, Mode.SMART_RTL, Mode.AUTO, Mode.BRAKE):
             return f"Arm: {self.mode.name} mode not armable"
         if self.parameters["PRX1_TYPE"] == 2 and not self.proximity.fresh(self._now_ns):
             return "Arm: PRX1: No Data"
@@ -250,6 +259,7 @@ class Autopilot:
             return "Arm: VisOdom: not healthy"
         if self.estimate is not None:
             self.navigator.home_enu_m = self.estimate.pos_enu_m.copy()
+            self.navigator.path_return.begin_path(self.estimate.pos_enu_m)
             self._velocity.reset(np.zeros(3))
         self.armed = True
         self._yaw_rad = None
@@ -266,6 +276,7 @@ class Autopilot:
         if self.armed:
             self.armed = False
             self.airborne = False
+            self.navigator.mission.restart()
             self.send_text("Disarming motors")
             self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
         return None
@@ -287,7 +298,8 @@ class Autopilot:
         """
         self._silent_until_ns = self._now_ns + round(silent_s * 1e9)
         self.boot_offset_ns = -self._now_ns
-        self.precland = self.navigator.precland = PrecisionLanding()
+        self.precland = PrecisionLanding()
+        self.navigator.landing.replace_precland(self.precland)
         self.proximity = Proximity()
         items = self.failsafes.fence.items  # stored for good
         self.failsafes = Failsafes(self)
@@ -335,7 +347,9 @@ class Autopilot:
         if now_ns >= self._next_outer_ns:
             self._next_outer_ns = now_ns + OUTER_LOOP_NS
             self.precland.remember(now_ns, estimate)
-            self._outer(now_ns, estimate, on_ground)
+            range_m = self.range_down_m()
+            self.precland.check_sight(estimate.pos_enu_m, now_ns, range_m, self.parameters)
+            self._outer(now_ns, estimate, on_ground, range_m)
         quat, thrust = self._wanted
         return rate_command(estimate.quat_wxyz, quat), thrust
 
@@ -350,12 +364,15 @@ class Autopilot:
             self.wind.update(PERIOD_NS * 1e-9, self.estimate, self.airborne, drag)
         for severity, text in self.precland.status_texts(self._now_ns):
             self.send_text(text, severity)
+        for number in self.navigator.mission.take_reached():
+            self.send(mavlink.MAVLink_mission_item_reached_message(number))
+            self.send_text(f"Reached command #{number}")
 
-    def _outer(self, now_ns: int, estimate: State, on_ground: bool) -> None:
+    def _outer(self, now_ns: int, estimate: State, on_ground: bool, range_m: float | None) -> None:
         dt_s = OUTER_LOOP_NS * 1e-9
         self.battery_pct = max(0.0, self.battery_pct - 100 * dt_s / (20 * 60))
         self.airborne = self.airborne or not on_ground
-        wants_up = self.navigator.takeoff_up_m is not None
+        wants_up = self.navigator.is_taking_off(self.mode)
         if on_ground and not wants_up:
             self._on_ground(now_ns)
             self._velocity.reset(np.zeros(3))
@@ -363,7 +380,8 @@ class Autopilot:
             return
         self._settled_since_ns = None
         self.navigator.sticks = self.receiver.sticks(now_ns)
-        velocity = self.navigator.velocity(self.mode, estimate, now_ns, self.range_down_m())
+        self.navigator.radio_lost = self.failsafes.radio
+        velocity = self.navigator.velocity(self.mode, estimate, now_ns, range_m)
         if self.airframe.kind is Kind.FIXED_WING and not (wants_up or self.airframe.on_wing):
             self.airframe.fly_on(estimate, now_ns)
         velocity = self.target_enu_ms = self._avoid(velocity, estimate)
@@ -371,9 +389,11 @@ class Autopilot:
         level = self._without_position()
         if level:
             velocity = np.array([*estimate.vel_enu_ms[:2], velocity[2]])
-        acceleration = self._velocity.acceleration(
-            velocity, estimate, dt_s, self.parameters["WPNAV_ACCEL"] / 100
-        )
+        ahead = None if self.airframe.on_wing else self.navigator.feedforward_enu_ms2(self.mode)
+        most_ms2 = self.parameters["WPNAV_ACCEL"] / 100 if ahead is None else math.inf
+        acceleration = self._velocity.acceleration(velocity, estimate, dt_s, most_ms2)
+        if ahead is not None:
+            acceleration += ahead
         if level:
             acceleration[:2] = self._lean(estimate)
         self._wanted = attitude_for(acceleration, self._slew_yaw(estimate, dt_s))
@@ -401,7 +421,7 @@ class Autopilot:
             return
         self.airborne = False
         delay_ns = self.parameters["DISARM_DELAY"] * 1e9
-        if self.mode in (Mode.LAND, Mode.RTL) or 0 < delay_ns < settled_ns:
+        if self.navigator.is_landing(self.mode) or 0 < delay_ns < settled_ns:
             self.disarm()
 
     def _avoid(self, velocity: F64, estimate: State) -> F64:

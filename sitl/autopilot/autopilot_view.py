@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.airframe import Airframe
+from sitl.autopilot.guidance.precland import PrecisionLanding
 from sitl.autopilot.modes import Mode, Navigator
 from sitl.autopilot.position_aiding import PositionAiding
-from sitl.autopilot.precland import PrecisionLanding
 from sitl.autopilot.proximity import Proximity
 from sitl.autopilot.radio_receiver import RadioReceiver
 from sitl.autopilot.wind_estimator import WindEstimator

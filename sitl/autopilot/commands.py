@@ -119,6 +119,7 @@ class Commands:
             mavlink.MAV_CMD_NAV_TAKEOFF: self._take_off,
             mavlink.MAV_CMD_NAV_LAND: lambda p, link: self._enter(Mode.LAND),
             mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda p, link: self._enter(Mode.RTL),
+            mavlink.MAV_CMD_MISSION_START: self._start_mission,
             mavlink.MAV_CMD_NAV_LOITER_UNLIM: lambda p, link: self._enter(Mode.LOITER),
             mavlink.MAV_CMD_DO_REPOSITION: self._reposition,
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._interval,
@@ -169,6 +170,9 @@ class Commands:
 
     def _enter(self, mode: Mode) -> int:
         return ACCEPTED if self._ap.set_mode(mode) else FAILED
+
+    def _start_mission(self, p: Params, _link: int) -> int:
+        return DENIED if p.p[0] or p.p[1] else self._enter(Mode.AUTO)
 
     def _do_set_mode(self, p: Params, _link: int) -> int:
         if not int(p.p[0]) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:

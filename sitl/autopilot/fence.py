@@ -185,6 +185,14 @@ class Fence:
             outside |= AREAS if self._is_out_of_areas(position_enu_m[:2]) else 0
         return outside & self.kinds
 
+    def distance_beyond_m(self, kinds: int, position_enu_m: F64, home_enu_m: F64) -> float:
+        """Return the greatest distance by which the position is beyond fences of some kinds."""
+        p, up_m = self.parameters, float(position_enu_m[2] - home_enu_m[2])
+        beyond = [-room_m for room_m, _ in self._edges(position_enu_m, home_enu_m)]
+        beyond += [up_m - p["FENCE_ALT_MAX"]] if kinds & CEILING else []
+        beyond += [p["FENCE_ALT_MIN"] - up_m] if kinds & FLOOR else []
+        return max(beyond, default=0.0)
+
     def _is_out_of_areas(self, place_m: F64) -> bool:
         out = [(area.inclusion, area.nearest(place_m)[0] < 0) for area in self._known_areas()]
         left = [is_out for inclusion, is_out in out if inclusion]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.autopilot_view import AutopilotView
+from sitl.autopilot.guidance import mission_mode
 
 REPEAT_NS = 1_000_000_000
 GIVE_UP_NS = 8_000_000_000
@@ -20,17 +21,18 @@ RELATIVE_FRAMES = (mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT, mavlink.MAV_FRAME_GLOB
 GLOBAL_FRAMES = (*RELATIVE_FRAMES, mavlink.MAV_FRAME_GLOBAL, mavlink.MAV_FRAME_GLOBAL_INT)
 F64 = NDArray[np.float64]
 RALLY_POINT = 5100
+COMMANDS = (mission_mode.TAKEOFF, mission_mode.WAYPOINT, mission_mode.LAND, mission_mode.RETURN)
 
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """Stored item; altitudes are whole metres."""
+    """Stored item: its command, its param1 and its place."""
 
     command: int
     value: float
     lat_e7: int
     lon_e7: int
-    alt_m: int
+    alt_m: float
     relative: bool
 
 
@@ -55,6 +57,8 @@ class MissionItems(ABC):
         MAV_MISSION_TYPE, greatest number of items, and the parameter that counts them.
     replaces_at_end
         Whether an upload replaces the items when it is complete, instead of one by one.
+    step_m
+        Resolution of altitudes, which are cut off.
     items
         Stored items.
     """
@@ -63,6 +67,7 @@ class MissionItems(ABC):
     room: int
     total: str
     replaces_at_end: bool
+    step_m = 1.0
 
     def __init__(self, autopilot: AutopilotView) -> None:
         self._ap = autopilot
@@ -104,7 +109,7 @@ class MissionItems(ABC):
         self._ap.send(
             mavlink.MAVLink_mission_item_int_message(
                 *_sender(message), message.seq, frame, p.command, 0, 1, p.value, 0, 0, 0,
-                p.lat_e7, p.lon_e7, float(p.alt_m), self.kind,
+                p.lat_e7, p.lon_e7, p.alt_m, self.kind,
             ),
             link,
         )  # fmt: skip
@@ -138,7 +143,7 @@ class MissionItems(ABC):
             return
         relative = message.frame in RELATIVE_FRAMES
         receipt.items.append(
-            Item(message.command, message.param1, message.x, message.y, int(message.z), relative)
+            Item(message.command, message.param1, message.x, message.y, self._cut(message.z), relative)
         )
         receipt.heard_ns = self._ap.now_ns
         complete = len(receipt.items) == receipt.count
@@ -158,6 +163,16 @@ class MissionItems(ABC):
         """Clear the items."""
         self._store([])
         self._ack(_sender(message), link, mavlink.MAV_MISSION_ACCEPTED)
+
+    def _cut(self, altitude_m: float) -> float:
+        return math.trunc(altitude_m / self.step_m + 1e-6) * self.step_m
+
+    def _place_enu_m(self, item: Item) -> F64:
+        """Return an item's place in the estimate's frame; relative altitudes are above the current home."""
+        enu = self._ap.enu_m(item.lat_e7 * 1e-7, item.lon_e7 * 1e-7, self._ap.origin_lla[2])
+        home_up = float(self._ap.navigator.home_enu_m[2])
+        enu[2] = item.alt_m + home_up if item.relative else item.alt_m - self._ap.origin_lla[2]
+        return enu
 
     def _store(self, items: list[Item]) -> None:
         self.items = items
@@ -242,16 +257,44 @@ class Rally(MissionItems):
     replaces_at_end = False
 
     def points_enu_m(self) -> list[F64]:
-        """Return the points in the estimate's frame; relative altitudes are above the current home."""
-        home_up = float(self._ap.navigator.home_enu_m[2])
-        found = []
-        for point in self.items:
-            enu = self._ap.enu_m(point.lat_e7 * 1e-7, point.lon_e7 * 1e-7, self._ap.origin_lla[2])
-            enu[2] = point.alt_m + home_up if point.relative else point.alt_m - self._ap.origin_lla[2]
-            found.append(enu)
-        return found
+        """Return the points in the estimate's frame."""
+        return [self._place_enu_m(point) for point in self.items]
 
     def _fault(self, message: Any) -> int:
         if message.command != RALLY_POINT:
             return int(mavlink.MAV_MISSION_UNSUPPORTED)
         return place_fault(message)
+
+
+class FlightPlan(MissionItems):
+    """Mission of AUTO; its first item is home. Of an item's parameters only the first is stored."""
+
+    kind, room, total = mavlink.MAV_MISSION_TYPE_MISSION, 700, "MIS_TOTAL"
+    replaces_at_end = False
+    step_m = 0.01
+
+    @property
+    def starts_with_takeoff(self) -> bool:
+        """True if the first command after home is a take-off."""
+        return len(self.items) > 1 and self.items[1].command == mission_mode.TAKEOFF
+
+    def legs(self) -> list[mission_mode.Leg]:
+        """Return the commands after home."""
+        return [
+            mission_mode.Leg(item.command, number, self._place_or_none(item), item.value)
+            for number, item in enumerate(self.items)
+            if number > 0
+        ]
+
+    def _place_or_none(self, item: Item) -> F64 | None:
+        has_place = item.lat_e7 or item.lon_e7 or item.command == mission_mode.TAKEOFF
+        return self._place_enu_m(item) if has_place else None
+
+    def _fault(self, message: Any) -> int:
+        if message.command not in COMMANDS:
+            return int(mavlink.MAV_MISSION_UNSUPPORTED)
+        if message.command == mission_mode.RETURN:
+            return 0
+        return (
+            place_fault(message) if math.isfinite(message.param1) else int(mavlink.MAV_MISSION_INVALID_PARAM1)
+        )

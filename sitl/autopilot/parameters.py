@@ -15,14 +15,14 @@ DEFAULTS: dict[str, float] = {
     "AVOID_ENABLE": 3,
     "AVOID_MARGIN": 2,
     "BATT_CAPACITY": 5200,
-    "BATT_FS_LOW_ACT": 0,  # 0 warns, 1 lands, 2 returns
+    "BATT_FS_LOW_ACT": 0,  # 0 warns, 1 lands, 2 returns, 3 and 4 return along the path, 7 brakes
     "BATT_LOW_MAH": 0,
     "BATT_LOW_TIMER": 10,  # s
     "BATT_LOW_VOLT": 10.5,
     "DISARM_DELAY": 10,
     "EK3_RNG_USE_HGT": -1,
     "EK3_DRAG_MCOEF": 0.23,  # 1/s, of its vehicle, 8 % too low; ArduCopter's default 0 estimates no wind
-    "FENCE_ACTION": 1,  # 0 reports, 1 returns or lands, 2 lands
+    "FENCE_ACTION": 1,  # 0 reports, 1 returns, 2 lands, 3 and 5 return along the path, 4 brakes
     "FENCE_ALT_MAX": 100,
     "FENCE_ALT_MIN": -10,
     "FENCE_AUTOENABLE": 0,
@@ -35,9 +35,10 @@ DEFAULTS: dict[str, float] = {
     "FENCE_TYPE": 7,  # 1 ceiling, 2 circle, 4 areas, 8 floor
     "FRAME_CLASS": 1,
     "FRAME_TYPE": 1,
-    "FS_GCS_ENABLE": 0,
+    "FS_GCS_ENABLE": 0,  # 1 returns, 3 and 4 return along the path, 5 lands, 7 brakes
     "FS_GCS_TIMEOUT": 5,
-    "FS_THR_ENABLE": 1,
+    "FS_OPTIONS": 16,  # 8 continues a landing, 16 a pilot's flight without a ground station
+    "FS_THR_ENABLE": 1,  # 1 returns, 3 lands, 4 and 5 return along the path, 7 brakes
     "GPS2_TYPE": 0,  # 0 is no second receiver
     "GUID_OPTIONS": 0,
     "GUID_TIMEOUT": 3.0,
@@ -46,6 +47,7 @@ DEFAULTS: dict[str, float] = {
     "LAND_SPEED": 50,  # cm/s
     "LAND_SPEED_HIGH": 0,  # cm/s, 0 takes WPNAV_SPEED_DN
     "LOIT_SPEED": 1250,  # cm/s
+    "MIS_TOTAL": 0,
     "PILOT_SPEED_UP": 250,
     "PLND_ENABLED": 1,
     "PLND_ACC_P_NSE": 2.5,
@@ -61,6 +63,7 @@ DEFAULTS: dict[str, float] = {
     "PLND_LAG": 0.02,
     "PLND_TIMEOUT": 4,
     "PLND_STRICT": 1,
+    "PLND_RET_BEHAVE": 0,  # 0 retries at the vehicle's last place, 1 over the target
     "PLND_RET_MAX": 4,
     "PLND_ALT_MIN": 0.75,
     "PLND_ALT_MAX": 8,
@@ -76,6 +79,10 @@ DEFAULTS: dict[str, float] = {
     "RNGFND1_MAX": 70,
     "RNGFND1_ORIENT": 25,
     "RTL_ALT": 1500,  # cm
+    "RTL_ALT_FINAL": 0,  # cm, 0 lands
+    "RTL_CLIMB_MIN": 0,  # cm
+    "RTL_CONE_SLOPE": 3,
+    "RTL_LOIT_TIME": 5000,  # ms
     "RTL_SPEED": 0,
     "SERIAL1_BAUD": 921,
     "SERIAL1_PROTOCOL": 2,
@@ -92,17 +99,18 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "SYSID_THISMAV": (1, 255),
     "AVOID_ENABLE": (0, 7),
     "AVOID_MARGIN": (1, 10),
-    "BATT_FS_LOW_ACT": (0, 2),
+    "BATT_FS_LOW_ACT": (0, 7),
     "DISARM_DELAY": (0, 127),
     "EK3_DRAG_MCOEF": (0, 1),
-    "FENCE_ACTION": (0, 2),
+    "FENCE_ACTION": (0, 5),
     "FENCE_ALT_MAX": (10, 1000),
     "FENCE_ALT_MIN": (-100, 100),
     "FENCE_RADIUS": (0, 10_000),
     "FENCE_TYPE": (0, 15),
-    "FS_GCS_ENABLE": (0, 1),
+    "FS_GCS_ENABLE": (0, 7),
     "FS_GCS_TIMEOUT": (2, 120),
-    "FS_THR_ENABLE": (0, 1),
+    "FS_OPTIONS": (0, 63),
+    "FS_THR_ENABLE": (0, 7),
     "GUID_TIMEOUT": (0.1, 60),
     "LAND_ALT_LOW": (100, 10_000),
     "LAND_REPOSITION": (0, 1),
@@ -121,6 +129,7 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "PLND_LAG": (0.02, 0.25),
     "PLND_TIMEOUT": (0, 20),
     "PLND_STRICT": (0, 2),
+    "PLND_RET_BEHAVE": (0, 1),
     "PLND_RET_MAX": (0, 10),
     "PLND_ALT_MIN": (0, 5),
     "PLND_ALT_MAX": (0, 50),
@@ -130,6 +139,10 @@ _LIMITS: dict[str, tuple[float, float]] = {
     "RNGFND1_MIN": (0, 100),
     "RNGFND1_MAX": (0, 1000),
     "RTL_ALT": (30, 300_000),
+    "RTL_ALT_FINAL": (0, 1000),
+    "RTL_CLIMB_MIN": (0, 3000),
+    "RTL_CONE_SLOPE": (0, 10),
+    "RTL_LOIT_TIME": (0, 60_000),
     "RTL_SPEED": (0, 2000),
     "WPNAV_ACCEL": (50, 500),
     "WPNAV_SPEED": (10, 2000),

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl.autopilot.aiding.ekf2_aiding import INVALID
 from sitl.autopilot.autopilot_view import AutopilotView
 from sitl.autopilot.failsafe import Failsafes
-from sitl.autopilot.modes import Mode
+from sitl.autopilot.modes import NEEDS_POSITION, Mode
 from sitl.autopilot.position_aiding import TEST_RATIO, UNAIDED
 
 _OTHERS: int = (
@@ -51,7 +51,7 @@ class StatusMessages:
         ap = self._ap
         flags = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
         flags |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED if ap.armed else 0
-        if ap.mode in (Mode.GUIDED, Mode.RTL, Mode.LAND, Mode.LOITER, Mode.BRAKE):
+        if ap.mode in NEEDS_POSITION or ap.mode is Mode.LAND:
             flags |= mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
             flags |= 0 if ap.navigator.blind else mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
         return mavlink.MAVLink_heartbeat_message(

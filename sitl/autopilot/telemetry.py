@@ -38,6 +38,7 @@ DEFAULT_MS = {
     ID.MAVLINK_MSG_ID_FENCE_STATUS: 1000,
     ID.MAVLINK_MSG_ID_TIMESYNC: 10_000,
     ID.MAVLINK_MSG_ID_HOME_POSITION: 10_000,
+    ID.MAVLINK_MSG_ID_MISSION_CURRENT: 1000,
 }
 _STREAMS = {
     mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (
@@ -87,6 +88,7 @@ class Telemetry:
             ID.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self._origin,
             ID.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self._version,
             ID.MAVLINK_MSG_ID_SIM_STATE: self._sim_state,
+            ID.MAVLINK_MSG_ID_MISSION_CURRENT: self._mission_current,
         }
 
     @property
@@ -219,10 +221,10 @@ class Telemetry:
     def _extended_state(self) -> Any:
         ap = self._ap
         landed = mavlink.MAV_LANDED_STATE_IN_AIR if ap.airborne else mavlink.MAV_LANDED_STATE_ON_GROUND
-        if ap.airborne and ap.navigator.takeoff_up_m is not None:
-            landed = mavlink.MAV_LANDED_STATE_TAKEOFF
-        elif ap.airborne and ap.mode is Mode.LAND:
+        if ap.airborne and ap.navigator.is_landing(ap.mode):
             landed = mavlink.MAV_LANDED_STATE_LANDING
+        elif ap.airborne and ap.navigator.is_taking_off(ap.mode):
+            landed = mavlink.MAV_LANDED_STATE_TAKEOFF
         return mavlink.MAVLink_extended_sys_state_message(ap.airframe.vtol_state, landed)
 
     def _position_target(self) -> Any | None:
@@ -249,6 +251,13 @@ class Telemetry:
             *(float(v) for v in (velocity[1], velocity[0], -velocity[2])),
             0.0, 0.0, 0.0, 0.0, 0.0,
         )  # fmt: skip
+
+    def _mission_current(self) -> Any | None:
+        """Return MISSION_CURRENT; None without a mission."""
+        legs, leg = self._ap.navigator.mission.legs, self._ap.navigator.mission.current
+        if not legs:
+            return None
+        return mavlink.MAVLink_mission_current_message(legs[-1].number if leg is None else leg.number)
 
     def _timesync(self) -> Any:
         return mavlink.MAVLink_timesync_message(0, self._ap.boot_ns)

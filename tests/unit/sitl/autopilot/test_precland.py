@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.autopilot.guidance.precland import PrecisionLanding
 from sitl.autopilot.parameters import DEFAULTS
-from sitl.autopilot.precland import PrecisionLanding
 from sitl.vehicle.rigid_body import State, from_euler
 from tests.unit.sitl.bench_flight import Bench
 

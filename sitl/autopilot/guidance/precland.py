@@ -4,7 +4,7 @@ Only MAV_FRAME_BODY_FRD with position_valid and a distance leads to the target. 
 accepted too, but leads elsewhere, because the vector is not rotated by the heading. The target is valid after
 two seconds of updates without a gap of half a second. When the updates stop, it is predicted for two seconds,
 and then lost. Every target is turned by PLND_YAW_ALIGN and shifted by PLND_LAND_OFS and PLND_CAM_POS, which
-were meant for an IR-LOCK (AC_PrecLand.cpp).
+were meant for an IR-LOCK. Only a landing reads the target: it moves no other mode (AC_PrecLand.cpp).
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
+from enum import Enum, auto
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ F64 = NDArray[np.float64]
 NEEDED_NS = 2_000_000_000
 GAP_NS = 500_000_000
 PREDICTED_NS = 2_000_000_000
+FORGOTTEN_NS, FORGOTTEN_M = 180_000_000_000, 30.0
 BODY_FRD, LOCAL_FRD = 12, 20
 FILTER_SHARE = 0.25
 INFO, CRITICAL = mavlink.MAV_SEVERITY_INFO, mavlink.MAV_SEVERITY_CRITICAL
@@ -33,10 +35,36 @@ RISING = {SEEN: "PrecLand: Target Found", BELIEVED: "PrecLand: Init Complete"}
 FALLING = {SEEN: "PrecLand: Init Failed", BELIEVED: "PrecLand: Target Lost"}
 
 
+class Sight(Enum):
+    """State of the target (AC_PrecLand::TargetState)."""
+
+    NEVER_SEEN = auto()
+    OUT_OF_RANGE = auto()
+    RECENTLY_LOST = auto()
+    FOUND = auto()
+
+
 class PrecisionLanding:
-    """Estimator of the landing target in the estimate's own east-north-up frame."""
+    """Estimator of the landing target in the estimate's own east-north-up frame.
+
+    Attributes
+    ----------
+    sight
+        State of the target; OUT_OF_RANGE without a healthy rangefinder between PLND_ALT_MIN and PLND_ALT_MAX.
+    measured_down_m
+        Height of the vehicle over the target in the newest measurement.
+    vehicle_enu_m, seen_enu_m
+        Vehicle at the newest measurement, and the newest valid target at that height.
+    valid_ns
+        Time at which the target was last valid.
+    """
 
     def __init__(self) -> None:
+        self.sight = Sight.NEVER_SEEN
+        self.measured_down_m = 0.0
+        self.vehicle_enu_m, self.seen_enu_m = np.zeros(3), np.zeros(3)
+        self.valid_ns = 0
+        self._texts: list[tuple[int, str]] = []
         self._poses: deque[tuple[int, F64, F64]] = deque(maxlen=128)
         self._first_ns: int | None = None
         self._last_ns: int | None = None
@@ -69,6 +97,9 @@ class PrecisionLanding:
         body = _turned(body, math.radians(parameters["PLND_YAW_ALIGN"] / 100))
         measured = position + ned(body if message.frame == LOCAL_FRD else rotate(attitude, body))
         measured = measured + ned(rotate(attitude, _shift_m(parameters)))
+        self.measured_down_m = float(position[2] - measured[2])
+        self.vehicle_enu_m = self._poses[-1][1].copy()
+        self.seen_enu_m[2] = self.vehicle_enu_m[2]
         if self._last_ns is None or now_ns - self._last_ns > GAP_NS or self._target is None:
             self._first_ns = now_ns if not self.acquired(now_ns) else self._first_ns
             self._target = measured
@@ -82,6 +113,30 @@ class PrecisionLanding:
         moved = [(stamp, position + jump_enu_m, attitude) for stamp, position, attitude in self._poses]
         self._poses = deque(moved, maxlen=self._poses.maxlen)
         self._target = None if self._target is None else self._target + jump_enu_m
+        self.vehicle_enu_m, self.seen_enu_m = self.vehicle_enu_m + jump_enu_m, self.seen_enu_m + jump_enu_m
+
+    def check_sight(
+        self, place_enu_m: F64, now_ns: int, rangefinder_m: float | None, parameters: Mapping[str, float]
+    ) -> None:
+        """Update `sight` (check_target_status); `rangefinder_m` is None if unhealthy."""
+        target = self.target(now_ns)
+        if target is not None:
+            self.sight, self.valid_ns = Sight.FOUND, now_ns
+            self.seen_enu_m[:2] = target[:2]
+            return
+        seen = self.sight in (Sight.FOUND, Sight.RECENTLY_LOST)
+        if not _is_in_range(rangefinder_m, parameters):
+            self.sight = Sight.OUT_OF_RANGE
+            return
+        far_m = max(
+            float(np.hypot(*(place_enu_m - was)[:2])) for was in (self.seen_enu_m, self.vehicle_enu_m)
+        )
+        recent = now_ns - self.valid_ns <= FORGOTTEN_NS and far_m <= FORGOTTEN_M
+        self.sight = Sight.RECENTLY_LOST if seen and recent else Sight.NEVER_SEEN
+
+    def announce(self, text: str) -> None:
+        """Add a text of severity INFO to `status_texts`."""
+        self._texts.append((INFO, text))
 
     def acquired(self, now_ns: int) -> bool:
         """Return whether the target is valid now."""
@@ -91,12 +146,13 @@ class PrecisionLanding:
         return long_enough and now_ns - self._last_ns <= PREDICTED_NS
 
     def status_texts(self, now_ns: int) -> list[tuple[int, str]]:
-        """Return severity and ArduPilot's text of each change of the target since the last call."""
+        """Return severity and text of each announcement and change of the target since the last call."""
         before, self._stage = self._stage, self._stage_now(now_ns)
+        announced, self._texts = self._texts, []
         if self._stage < before:
-            lost = [(CRITICAL, FALLING[before])]
+            lost = [(CRITICAL, FALLING[before]), *announced]
             return lost if self._stage == NONE else [*lost, (INFO, RISING[self._stage])]
-        return [(INFO, RISING[stage]) for stage in range(before + 1, self._stage + 1)]
+        return [*announced, *((INFO, RISING[stage]) for stage in range(before + 1, self._stage + 1))]
 
     def _stage_now(self, now_ns: int) -> int:
         if self.acquired(now_ns):
@@ -111,6 +167,14 @@ class PrecisionLanding:
     def latest_enu_m(self) -> F64 | None:
         """Latest accepted target, valid or not."""
         return self._target
+
+
+def _is_in_range(rangefinder_m: float | None, parameters: Mapping[str, float]) -> bool:
+    """Return whether a target must be in sight at this height (check_if_sensor_in_range)."""
+    lowest, highest = parameters["PLND_ALT_MIN"], parameters["PLND_ALT_MAX"]
+    if not lowest and not highest:
+        return True
+    return rangefinder_m is not None and lowest <= rangefinder_m <= (highest or math.inf)
 
 
 def _turned(body_m: F64, angle_rad: float) -> F64:
