@@ -65,9 +65,11 @@ class Landing:
         self._search.restart()
         self.repositioned = self.blind = self._pauses = False
 
-    def start(self, state: State) -> None:
-        """Begin to land from the vehicle's place and velocity."""
+    def start(self, state: State, place_enu_m: F64 | None = None) -> None:
+        """Begin to land from the vehicle's place and velocity, or over a place that was held before."""
         self._setpoint.reset(state)
+        if place_enu_m is not None:
+            self._setpoint.hold(place_enu_m)
         self._climb_ms = float(state.vel_enu_ms[2])
         self._since_ns = None
 
@@ -77,7 +79,7 @@ class Landing:
 
     def move(self, jump_enu_m: F64) -> None:
         """Apply a reset of the position estimate."""
-        self._setpoint.place_m = self._setpoint.place_m + jump_enu_m[:2]
+        self._setpoint.move(jump_enu_m)
 
     def replace_precland(self, precland: PrecisionLanding) -> None:
         """Use another estimator, after a reboot."""
@@ -85,7 +87,8 @@ class Landing:
 
     @property
     def acceleration_enu_ms2(self) -> F64:
-        return np.array([*self._setpoint.acceleration_ms2, 0.0])
+        ahead = self._setpoint.acceleration
+        return np.array([ahead.real, ahead.imag, 0.0])
 
     def velocity(self, state: State, now_ns: int, height_m: float) -> F64:
         """Return the velocity setpoint (3,) east, north, up at a height above the ground."""
@@ -96,14 +99,15 @@ class Landing:
             action, place = self._search.act(place, now_ns)
         if action is Action.FLY:
             self.repositioned = self._is_steered()
-            self._setpoint.move_to(place[:2], self._p, STEP_S)
+            self._setpoint.move_to(place, self._p, STEP_S)
             climb_ms = vertical_towards(float(place[2] - state.pos_enu_m[2]), self._p)
         else:
             target = self._lead(state, now_ns)
             climb_ms = 0.0 if action is Action.HOVER else -self._sink_ms(state, height_m, target)
         change = climb_ms - self._climb_ms
         self._climb_ms += max(-CLIMB_MS2 * STEP_S, min(CLIMB_MS2 * STEP_S, change))
-        return np.array([*self._setpoint.followed_by(state), self._climb_ms])
+        level = self._setpoint.followed_by(state)
+        return np.array([level.real, level.imag, self._climb_ms])
 
     def _is_steered(self) -> bool:
         return bool(self._p["LAND_REPOSITION"]) and self.sticks.steering
@@ -120,14 +124,14 @@ class Landing:
         follows = self._p["PLND_ENABLED"] and not (self.blind or self.repositioned)
         target = self.precland.target(now_ns) if follows else None
         if target is not None:
-            self._setpoint.move_to(target[:2], self._p, STEP_S)
+            self._setpoint.move_to(target, self._p, STEP_S)
             return target
-        wanted = np.zeros(2)
+        wanted = 0j
         if self._is_steered():
             yaw = to_euler(state.quat_wxyz)[2]
             ahead, right = REPOSITION_MS * self.sticks.forward, REPOSITION_MS * self.sticks.right
             east = ahead * math.sin(yaw) + right * math.cos(yaw)
-            wanted = np.array([east, ahead * math.cos(yaw) - right * math.sin(yaw)])
+            wanted = complex(east, ahead * math.cos(yaw) - right * math.sin(yaw))
         self._setpoint.move_with(wanted, self._p, STEP_S)
         return None
 

@@ -121,7 +121,7 @@ class MissionFlight:
         """Land from here; param2 of NAV_LAND is not stored (AP_Mission.cpp)."""
         self._descends = True
         self._landing.repositioned = False
-        self._landing.start(state)
+        self._landing.start(state, self._goal)
 
     def _is_over(self, leg: Leg, state: State, now_ns: int) -> bool:
         """Return whether a command has ended; a landing and a return end with the disarm."""

@@ -107,8 +107,8 @@ class Return:
         if self._p["RTL_ALT_FINAL"] > 0 and not self.radio_lost:
             self.stage = Stage.DESCENT
         else:
+            self._landing.start(state, self._goal())
             self.stage = Stage.LAND
-            self._landing.start(state)
 
 
 class PathReturn(Return):

@@ -1,7 +1,6 @@
-"""Guided targets, the return flight, and landing without a target."""
+"""Guided targets, and the disarming on the ground."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -49,66 +48,6 @@ def test_a_position_in_a_body_frame_is_an_offset_from_the_vehicle(frame: int) ->
     target(bench, ONLY_POSITION, frame=frame, ahead=5).run(10)
     moved = bench.truth.pos_enu_m - start
     np.testing.assert_allclose(moved, (5 * math.sin(yaw), 5 * math.cos(yaw), 0), atol=0.5)
-
-
-def test_rtl_lands_even_with_a_landing_target_off_home() -> None:
-    bench = Bench().airborne(10)
-    bench.run(6, lambda: bench.velocity(3, 0, 0))
-    assert bench.command(mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH) == 0
-    bench.run(120, lambda: bench.landing_target(3, 0))
-    assert not bench.autopilot.armed
-    assert float(np.hypot(*(bench.truth.pos_enu_m[:2] - [3.0, 0.0]))) < 0.3
-
-
-def losing(strict: int, *, rangefinder: bool, seen: bool = True) -> tuple[Bench, list[float]]:
-    """Land on a target that is out of sight below 5 m; return the heights of every 50 ms too."""
-    bench = Bench()
-    bench.autopilot.parameters["PLND_STRICT"] = strict
-    bench.airborne(7)
-    heights: list[float] = []
-
-    def see(from_m: float) -> Callable[[], None]:
-        def each() -> None:
-            up = float(bench.truth.pos_enu_m[2])
-            heights.append(up)
-            if rangefinder:
-                range_cm = max(0, int(up * 100))
-                bench.tell(mavlink.MAVLink_distance_sensor_message(0, 10, 7000, range_cm, 0, 0, 25, 0))
-            if seen and up > from_m:
-                bench.landing_target(1, 1)
-
-        return each
-
-    bench.run(4, see(5.0))
-    assert bench.command(mavlink.MAV_CMD_DO_SET_MODE, 1, Mode.LAND) == 0
-    bench.run(12, see(5.0))
-    del heights[:]
-    bench.run(90, see(100.0))
-    return bench, heights
-
-
-def climbed(heights: list[float]) -> float:
-    return float(max(np.array(heights) - np.minimum.accumulate(heights)))
-
-
-@pytest.mark.parametrize(
-    ("strict", "rangefinder", "seen", "hovers", "climbs"),
-    [
-        (0, True, True, False, False),
-        (1, True, True, False, True),
-        (2, True, True, True, True),
-        (2, True, False, True, False),
-        (1, True, False, False, False),
-        (2, False, True, False, False),
-    ],
-)
-def test_a_lost_target_is_sought_again_and_then_strictness_decides(
-    strict: int, rangefinder: bool, seen: bool, hovers: bool, climbs: bool
-) -> None:
-    bench, heights = losing(strict, rangefinder=rangefinder, seen=seen)
-    assert (bench.truth.pos_enu_m[2] > 0.7) == hovers
-    assert bench.autopilot.armed == hovers
-    assert (climbed(heights) > 1.0) == climbs
 
 
 def test_it_disarms_by_itself_on_the_ground_ten_seconds_after_touching_it() -> None:
