@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from params import Parameters, build
-from slz import Nearby, Pipeline, Window
+from slz import Nearby, Pipeline, PointState, Window
 from slz.frame import LocalFrame
 
 S = 1_000_000_000
@@ -161,3 +161,32 @@ def test_the_ground_below_is_the_median_of_the_cells_within_a_metre(east_m: floa
     around = patch(heights.tolist())
     rows, cols = (np.abs((np.arange(12) + 0.5) * 0.5 - at) <= 1.0 for at in (north_m, east_m))
     assert around.ground_below_m(np.array([east_m, north_m])) == np.median(heights[rows][:, cols])
+
+
+def block_at(around: Nearby, east_m: float, north_m: float) -> bool:
+    row = math.floor((north_m - around.south_m) / around.cell_m)
+    col = math.floor((east_m - around.west_m) / around.cell_m)
+    return bool(around.landable[row, col])
+
+
+def test_a_place_that_is_called_safe_when_selected_is_landable_and_no_other() -> None:
+    pipeline = Pipeline(parameters(), (0.0, 0.0))
+    report = pipeline.process(window(np.vstack([ground(1), box(8.0, 0.0, 1.0)]), 0))
+    assert report.nearby is not None
+    assert block_at(report.nearby, -5.0, 0.0)
+    rows, cols = np.nonzero(report.nearby.landable)
+    for k in np.random.default_rng(2).choice(len(rows), 40, replace=False).tolist():
+        east = report.nearby.west_m + (cols[k] + 0.5) * report.nearby.cell_m
+        north = report.nearby.south_m + (rows[k] + 0.5) * report.nearby.cell_m
+        pipeline.select(np.array([east, north, 0.0]))
+        assert pipeline.selected is not None
+        assert pipeline.selected.state is PointState.SAFE
+    assert not any(block_at(report.nearby, 8.0 + e, n) for e in (-1.0, 0.0, 1.0) for n in (-1.0, 0.0, 1.0))
+    assert not any(block_at(report.nearby, 25.0, n) for n in (-5.0, 0.0, 5.0)), "nobody has seen it"
+
+
+def test_ground_less_certain_than_asked_for_is_not_landable() -> None:
+    own = build({"zone_m": 100.0, "min_certainty": 1.0})
+    report = Pipeline(own, (0.0, 0.0)).process(window(ground(1), 0))
+    assert report.nearby is not None
+    assert not report.nearby.landable.any()

@@ -13,6 +13,7 @@ from companion.flight.link.autopilots.ardupilot import ARDUPILOT
 from companion.flight.link.autopilots.px4 import PX4
 from companion.flight.link.vehicle_state import VehicleState, is_autopilot, reduce
 from companion.flight.link.wire.current_mode import MAVLink_current_mode_message
+from companion.runtime.frozen_record import replaced
 from tests.unit.companion.flight.link.messages import ARMED, attitude, heartbeat, position, received
 
 MS, S = 1_000_000, 1_000_000_000
@@ -251,3 +252,54 @@ def test_a_local_position_that_is_no_number_leaves_the_last_one(place: tuple[flo
 
     state = after(heartbeat(), local(1000, 1.0, 2.0, -3.0), local(1100, *place))
     assert (state.local_ned_m, state.local_boot_ms) == ((1.0, 2.0, -3.0), 1000)
+
+
+# ---- landings that the autopilot makes by itself ----------------------------------------------------
+
+ARDUPILOT_MODES = {"STABILIZE": 0, "AUTO": 3, "GUIDED": 4, "LOITER": 5, "RTL": 6, "LAND": 9, "SMART_RTL": 21}
+IN_AIR, LANDING, ON_GROUND = 2, 4, 1
+
+
+@pytest.mark.parametrize(
+    ("mode", "reported", "lands"),
+    [
+        ("LAND", LANDING, True),
+        ("LAND", ON_GROUND, False),
+        ("RTL", IN_AIR, False),  # on its way
+        ("RTL", LANDING, True),
+        ("SMART_RTL", LANDING, True),
+        ("AUTO", IN_AIR, False),
+        ("AUTO", LANDING, True),
+        ("LOITER", LANDING, False),
+        ("GUIDED", IN_AIR, False),
+    ],
+)
+def test_ardupilot_says_when_a_mode_lands(mode: str, reported: int, lands: bool) -> None:
+    state = after(heartbeat(base_mode=ARMED, custom_mode=ARDUPILOT_MODES[mode]), landed(reported))
+    assert (state.own_landing is not None) == lands
+    assert state.own_landing is None or state.own_landing.follows_target
+
+
+@pytest.mark.parametrize(
+    ("sub_mode", "down_ms", "north_ms", "lands", "follows"),
+    [
+        (6, 0.0, 0.0, True, False),  # AUTO.LAND
+        (9, 0.0, 0.0, True, True),  # AUTO.PRECLAND
+        (5, 0.0, 5.0, False, False),  # AUTO.RTL, on its way
+        (5, 0.7, 0.1, True, True),
+        (4, 0.7, 3.0, False, False),  # AUTO.MISSION, descending between two points
+        (4, 0.7, 0.0, True, True),
+        (3, 0.7, 0.0, False, False),  # AUTO.LOITER
+    ],
+)
+def test_px4_is_taken_to_land_by_its_mode_or_while_it_sinks(
+    sub_mode: int, down_ms: float, north_ms: float, lands: bool, follows: bool
+) -> None:
+    state = after(px4_heartbeat(4 << 16 | sub_mode << 24, base_mode=ARMED), landed(IN_AIR))
+    state = replaced(state, velocity_ned_ms=(north_ms, 0.0, down_ms))
+    assert (state.own_landing is not None) == lands
+    assert (state.own_landing is not None and state.own_landing.follows_target) == follows
+
+
+def test_a_disarmed_vehicle_lands_no_more() -> None:
+    assert after(heartbeat(custom_mode=9), landed(LANDING)).own_landing is None
