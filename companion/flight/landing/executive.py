@@ -121,7 +121,7 @@ class Executive:
             missing_inputs,
             self._waiting,
         )
-        self._jump = PositionJump(p, progress, texts, route, selection)
+        self._jump = PositionJump(p, progress, texts, route, selection, self.assist)
         self._followers: tuple[Callable[[Situation], None], ...] = (
             self._jump.follow,
             progress.aim.follow,

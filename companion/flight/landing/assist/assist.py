@@ -132,6 +132,13 @@ class Assist:
         else:
             self.aim.set_target(moved)
 
+    def move(self, jump_m: Vector) -> None:
+        """Shift the target of a landing by a jump of the position estimate: the vehicle did not move."""
+        self._report = self._place = None
+        self.aim.move(jump_m)
+        if self._landing is not None:
+            self._landing.refused = [place + jump_m for place in self._landing.refused]
+
     # ---- parts ----------------------------------------------------------------------------------
 
     def _look(self, s: Situation) -> LandingHere:

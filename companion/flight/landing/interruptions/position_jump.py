@@ -6,6 +6,7 @@ import numpy as np
 
 from companion.flight.fusion.pose_history import motion_m
 from companion.flight.landing.aim import PointSelection
+from companion.flight.landing.assist.assist import Assist
 from companion.flight.landing.landing_progress import LandingProgress
 from companion.flight.landing.pilot_texts import PilotTexts
 from companion.flight.landing.route import Route
@@ -23,9 +24,10 @@ class PositionJump:
         texts: PilotTexts,
         route: Route,
         selection: PointSelection,
+        assist: Assist,
     ) -> None:
         self._p, self._progress, self._texts = parameters, progress, texts
-        self._route, self._selection = route, selection
+        self._route, self._selection, self._assist = route, selection, assist
         self._last: Situation | None = None
 
     def forget(self) -> None:
@@ -40,11 +42,13 @@ class PositionJump:
         self._last = s
         if last is None or last.epoch == s.epoch:
             return
-        if progress.phase in COMMANDING:
+        if progress.phase in COMMANDING or self._assist.leads:
             self._shift(last, s)
         if progress.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL):
             progress.tally.chosen_enu_m = progress.aim.enu_m
             self._selection.select(progress.aim.enu_m)
+        elif self._assist.leads:
+            self._selection.select(self._assist.aim.enu_m)
         elif self._selection.clear() and progress.phase in (Phase.IDLE, Phase.LANDED, Phase.HOLD):
             self._texts.say(Severity.WARNING, "selection lost: select again")
 
@@ -60,6 +64,7 @@ class PositionJump:
         self._route.move(jump_m)
         progress.refused = [point + jump_m for point in progress.refused]
         progress.aim.move(jump_m)
+        self._assist.move(jump_m)
 
 
 def _or_zero(vector: Vector | None) -> Vector:

@@ -157,6 +157,18 @@ def test_what_nobody_judges_any_more_stays() -> None:
     assert is_in(EAST, target(flight))
 
 
+def test_a_jump_of_the_position_moves_the_target_with_it() -> None:
+    flight = landing(EAST)
+    before = target(flight)
+    flight.jump(4.0, -3.0, 0.0)
+    flight.step()
+    after = target(flight)
+    assert before is not None
+    assert after is not None
+    assert after[:2] - before[:2] == pytest.approx([4.0, -3.0], abs=0.2)
+    assert flight.selected == pytest.approx(after, abs=0.1)
+
+
 def test_the_target_is_sent_without_a_pause_until_the_vehicle_is_disarmed() -> None:
     flight = landing(EAST).run(30)
     first = len(flight.commands)
