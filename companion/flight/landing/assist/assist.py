@@ -18,13 +18,14 @@ from companion.flight.landing.assist.landing_here import Here, LandingHere
 from companion.flight.landing.assist.landing_places import LandingPlace, is_landable, nearest_place
 from companion.flight.landing.orders.confirmation import must_be_confirmed
 from companion.flight.landing.pilot_texts import PilotTexts
-from companion.flight.landing.situation import Severity, Situation, Vector, known
+from companion.flight.landing.situation import MissingInput, Severity, Situation, Vector, known
 from companion.flight.landing.sticks import Pulses, are_moved
 from companion.flight.landing.zone_choice import SoonestZone
 from params import Parameters
 from slz import PointState, Report
 
 UNSAFE_NS = 250_000_000  # of a target's place, before another one is looked for
+MAP_NS = 3_000_000_000  # in which a map that begins may come, at a start in a landing
 LEFT_M = 5.0  # farther from the target than at the beginning: a mission that goes on, and no landing
 
 
@@ -47,6 +48,7 @@ class OwnLanding:
     """Landing under way. first_away_m: of its first target. ended: why it is led no more."""
 
     mode: str
+    since_ns: int
     is_led: bool = False
     first_away_m: float = 0.0
     ended: str = ""
@@ -102,7 +104,7 @@ class Assist:
             self._drop_target()
             return None
         if s.lands_itself and not commanding and self._landing is None:
-            self._landing = OwnLanding(s.mode)
+            self._landing = OwnLanding(s.mode, s.now_ns)
         if self._landing is None:
             self._set_target(None if lost_of(s) else self._place)
         elif self._landing.is_led:
@@ -168,7 +170,6 @@ class Assist:
         """Let the landing follow the nearest place, or say once why it does not."""
         place, lost, is_told = self._place, lost_of(s), landing.is_told
         now = self.now or LandingHere()
-        landing.is_told = True
         if self._moved_in == s.mode:
             landing.ended = "sticks"
             self._texts.say(Severity.NOTICE, f"{s.mode}: sticks moved, not led")
@@ -181,13 +182,17 @@ class Assist:
             else:
                 self._texts.say(Severity.NOTICE, f"{s.mode}: led {now.way} to safe ground")
         elif not is_told:
-            self._tell_why_not(s, lost)
+            landing.is_told = self._tell_why_not(s, lost, s.now_ns - landing.since_ns)
 
-    def _tell_why_not(self, s: Situation, lost: str) -> None:
-        """Say why a landing is not led."""
+    def _tell_why_not(self, s: Situation, lost: str, lasts_ns: int) -> bool:
+        """Say why a landing is not led, and return whether it was said; a map that begins is waited for."""
         say, now = self._texts.say, self.now or LandingHere()
+        if not lost and not s.lidar_ok:
+            if lasts_ns < MAP_NS:
+                return False
+            lost = s.no_map_reason.text
         if lost:
-            say(Severity.CRITICAL, f"{s.mode}: {lost} lost, not led")
+            say(Severity.CRITICAL, f"{s.mode}: {lost}, not led")
         elif now.here is Here.SAFE:
             say(Severity.NOTICE, f"{s.mode}: safe below, takes no target")
         elif now.here is Here.NEAR:
@@ -197,12 +202,13 @@ class Assist:
         else:
             say(Severity.CRITICAL, f"{s.mode}: nothing safe in reach")
         self.tally.unled.append(lost or now.here.value)
+        return True
 
     def _lead(self, landing: OwnLanding, s: Situation) -> None:
         """Keep the target, or move it where its place is unsafe and another one is near."""
         lost = lost_of(s)
         if lost:
-            self._texts.say(Severity.CRITICAL, f"{s.mode}: {lost} lost, no longer led")
+            self._texts.say(Severity.CRITICAL, f"{s.mode}: {lost}, no longer led")
         elif self._moved_in == s.mode:
             self._texts.say(Severity.NOTICE, f"{s.mode}: sticks moved, no longer led")
         if lost or self._moved_in == s.mode:
@@ -277,7 +283,7 @@ class Assist:
 def lost_of(s: Situation) -> str:
     """Return the input that is lost without which a target would lead anywhere, else ""."""
     if s.estimate_lost:
-        return s.estimate_lost
+        return f"{s.estimate_lost} lost"
     if s.position_enu_m is None or s.velocity_enu_ms is None:
-        return "position"
-    return "GPS" if s.gps_lost and s.tracked is not True else ""
+        return MissingInput.POSITION_LOST.text
+    return "GPS lost" if s.gps_lost and s.tracked is not True else ""

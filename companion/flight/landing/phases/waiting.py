@@ -65,6 +65,8 @@ class Waiting:
     def report_restart(self, s: Situation, how: str) -> None:
         """Report the start in flight (`how`), and its consequence."""
         say = self._texts.say
+        if s.landing and self._p.assist != "off":
+            return  # it is led as soon as there is a map, or told why not
         if s.landing:
             say(Severity.CRITICAL, f"{how} in {s.mode}: landing not watched, take over")
         elif self._auto and s.guided and self._hand_over.given:

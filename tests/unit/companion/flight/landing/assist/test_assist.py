@@ -85,6 +85,12 @@ def test_a_place_found_later_is_taken() -> None:
     assert is_in(EAST, target(flight.having(around=ground_around([EAST])).run(0.3)))
 
 
+def test_a_start_in_a_landing_waits_for_its_map_before_it_calls_the_pilot() -> None:
+    flight = flying().having(mode="LAND", lands_itself=True, follows_target=True, lidar_ok=False)
+    assert not any("LAND" in text for text in flight.run(2.5).texts)
+    assert "SLZ: LAND: LiDAR lost, not led" in flight.run(1.0).texts
+
+
 def test_off_it_sends_nothing_and_still_knows_what_landing_here_means() -> None:
     flight = landing(EAST, assist="off")
     assert target(flight) is None
