@@ -22,7 +22,8 @@ SPEED_SHARE = 0.15  # tolerance of a speed: ArduCopter's velocity loop overshoot
 LANDING, IN_AIR = mavlink.MAV_LANDED_STATE_LANDING, mavlink.MAV_LANDED_STATE_IN_AIR
 FOUND, COMPLETE, LOST = "PrecLand: Target Found", "PrecLand: Init Complete", "PrecLand: Target Lost"
 MEASURES, RETRYING = "PrecLand: Failsafe Measures", "PrecLand: Retrying"
-QUICK = {"WPNAV_SPEED": 1000.0, "WPNAV_SPEED_UP": 500.0, "WPNAV_SPEED_DN": 250.0}
+QUICK = {"WPNAV_SPEED": 1000.0, "WPNAV_SPEED_UP": 500.0, "WPNAV_SPEED_DN": 250.0, "LAND_SPEED": 100.0}
+MEASURED = {"LAND_SPEED": 50.0, "WPNAV_SPEED_UP": 250.0}
 Place = tuple[float, float]
 
 
@@ -40,7 +41,7 @@ class Flight:
         self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, Mode.GUIDED)
         self.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
         self.command(mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m)
-        self.run(height_m / 5 + 4)
+        self.run(height_m / 5 + 3)
         if east_m:
             self.bench.autopilot.navigator.guided.position_enu_m = np.array([east_m, 0, height_m])
             self.run(8)
@@ -149,7 +150,7 @@ def test_a_stream_that_begins_with_land_leads_after_two_seconds() -> None:
 
 
 def test_a_target_that_begins_at_three_metres_is_dashed_for() -> None:
-    flight = Flight(4, PLND_STRICT=0).enter(Mode.LAND).below(3).offer(4)
+    flight = Flight(4, PLND_STRICT=0, **MEASURED).enter(Mode.LAND).below(3).offer(4)
     assert flight.land().off_m() < ON_M
     assert max(flight.speeds) == pytest.approx(3.1, rel=SPEED_SHARE)
     assert 15 < max(flight.tilts) < 25
@@ -174,7 +175,7 @@ def test_a_stream_that_stops_for_three_seconds_is_found_again() -> None:
 
 
 def test_a_stream_that_stops_for_eight_seconds_costs_a_climb() -> None:
-    flight = Flight(7).offer(1.5).enter(Mode.LAND).below(6)
+    flight = Flight(7, **MEASURED).offer(1.5).enter(Mode.LAND).below(6)
     target, flight.target = flight.target, None
     began_ns = flight.bench.now_ns
     flight.run(8).target = target
@@ -188,7 +189,7 @@ def test_a_stream_that_stops_for_eight_seconds_costs_a_climb() -> None:
 
 
 def test_without_a_target_a_landing_hovers_for_seven_seconds() -> None:
-    flight = Flight(9).enter(Mode.LAND).land()
+    flight = Flight(9, **MEASURED).enter(Mode.LAND).land()
     assert flight.texts() == [MEASURES]
     hover = [height for height in flight.heights if abs(height - 7.8) < 0.1]
     assert len(hover) * 0.05 == pytest.approx(7.3, abs=0.5)
@@ -208,7 +209,7 @@ def test_without_a_target_a_landing_hovers_for_seven_seconds() -> None:
 def test_a_target_lost_for_good_is_sought_again_and_then_strictness_decides(
     parameters: dict[str, float], hovers: bool, retries: int
 ) -> None:
-    flight = Flight(6, **parameters).offer(1).enter(Mode.LAND).below(5)
+    flight = Flight(6, **MEASURED | parameters).offer(1).enter(Mode.LAND).below(5)
     flight.target = None
     flight.run(6.5)
     if retries:
@@ -225,7 +226,7 @@ def test_a_target_lost_for_good_is_sought_again_and_then_strictness_decides(
 
 @pytest.mark.parametrize(("options", "returns"), [(0, False), (2, True)])
 def test_a_stick_ends_a_precision_landing_unless_it_may_go_on(options: int, returns: bool) -> None:
-    flight = Flight(9, PLND_OPTIONS=options).offer(1.5).enter(Mode.LAND).run(4)
+    flight = Flight(7, PLND_OPTIONS=options).offer(1.5).enter(Mode.LAND).run(2.5)
     flight.bench.autopilot.receiver.transmitter[0] = 1900
     flight.run(1)
     flight.bench.autopilot.receiver.transmitter[0] = 1500
@@ -247,7 +248,7 @@ def test_a_stream_pulls_no_other_mode(mode: Mode) -> None:
 @pytest.mark.parametrize("mode", [Mode.RTL, Mode.SMART_RTL])
 @pytest.mark.parametrize("offered_below_m", [100, 4])
 def test_a_return_lands_on_a_target_beside_home(mode: Mode, offered_below_m: float) -> None:
-    flight = Flight(5, 15, RTL_ALT=700)
+    flight = Flight(5, 15, RTL_ALT=700, RTL_LOIT_TIME=1000)
     if offered_below_m > 20:
         flight.offer(0, 5)
     flight.enter(mode).until(lambda: LANDING in flight.states() or flight.away_m((0, 0)) < 0.5)
@@ -269,7 +270,8 @@ def test_rtl_loiters_above_home_before_it_lands() -> None:
 
 
 def test_rtl_with_a_final_altitude_uses_no_target_and_does_not_land() -> None:
-    flight = Flight(5, 8, RTL_ALT=600, RTL_ALT_FINAL=300).offer(0, 5).enter(Mode.RTL).run(25)
+    flight = Flight(5, 8, RTL_ALT=600, RTL_ALT_FINAL=300, RTL_LOIT_TIME=0)
+    flight.offer(0, 5).enter(Mode.RTL).run(14)
     assert flight.away_m((0, 0)) < 0.2
     assert flight.height_m == pytest.approx(3, abs=0.3)
     assert flight.states() == [IN_AIR]
