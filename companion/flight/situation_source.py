@@ -47,7 +47,7 @@ class SituationSource:
         history, latest, watch = self._sensing.history, self._mapping.latest, self._mapping.watch
         pose, report, intrusion = history.latest(now), latest.fresh(now), watch.intrusion(now)
         landed, odometry, execution = vehicle.landed, self._sensing.odometry, self._execution
-        own_landing = vehicle.own_landing
+        own_landing, values = vehicle.own_landing, self._fitness.values
         return Situation(
             now_ns=now,
             connected=self._link.connected,
@@ -92,7 +92,9 @@ class SituationSource:
             commander=self._commanders.commander(),
             judged_ns=latest.arrived_ns,
             lands_itself=own_landing is not None,
-            follows_target=own_landing is not None and own_landing.follows_target,
+            follows_target=own_landing is not None
+            and own_landing.follows_target
+            and values.get(own_landing.switch, 1.0) > 0,
         )
 
     def scans_are_fresh(self, now: int) -> bool:

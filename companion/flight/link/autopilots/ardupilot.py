@@ -93,8 +93,10 @@ ARDUPILOT = Autopilot(
     landing_mode="LAND",
     # The last part of each follows a target, and is reported (mode.cpp, land_run_horizontal_control).
     own_landings={
-        "LAND": LandingMode(),
-        **dict.fromkeys(("RTL", "SMART_RTL", "AUTO_RTL", "AUTO"), LandingMode(at_end=True)),
+        "LAND": LandingMode(switch="PLND_ENABLED"),
+        **dict.fromkeys(
+            ("RTL", "SMART_RTL", "AUTO_RTL", "AUTO"), LandingMode(at_end=True, switch="PLND_ENABLED")
+        ),
     },
     reports_landing=True,
     no_command_reason=_no_command_reason,

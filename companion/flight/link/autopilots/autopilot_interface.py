@@ -91,11 +91,13 @@ class ExternalPosition:
 class LandingMode:
     """Mode in which the autopilot lands by itself.
 
-    follows_target: whether LANDING_TARGET leads it there. at_end: it lands in its last part only.
+    follows_target: whether LANDING_TARGET leads it there. at_end: it lands in its last part only. switch: the
+    parameter without which, at 0, it follows none.
     """
 
     follows_target: bool = True
     at_end: bool = False
+    switch: str = ""
 
 
 def _nothing_commanded(vehicle_type: int, vtol_state: int | None, is_plane: bool) -> str:

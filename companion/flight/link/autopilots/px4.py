@@ -92,7 +92,8 @@ PX4 = Autopilot(
     own_landings={
         "AUTO.LAND": LandingMode(follows_target=False),
         "AUTO.PRECLAND": LandingMode(),
-        **dict.fromkeys(("AUTO.RTL", "AUTO.MISSION"), LandingMode(at_end=True)),
+        "AUTO.RTL": LandingMode(at_end=True, switch="RTL_PLD_MD"),
+        "AUTO.MISSION": LandingMode(at_end=True),
     },
     no_command_reason=_no_command_reason,
     mode_stream=Stream("CURRENT_MODE", CURRENT_MODE, 5.0, needed=False, steady_hz=MODE_HZ),
