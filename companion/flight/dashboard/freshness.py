@@ -21,10 +21,10 @@ FIELDS: Mapping[str, tuple[str, ...]] = {
     ),
     POSITION: (
         *("east_m", "north_m", "up_m", "velocity_enu_ms", "roll_deg", "pitch_deg", "yaw_deg", "height_m"),
-        "emergency",
+        *("emergency", "here"),
     ),
     MAP: ("height_m", "blocked", "moving", "wires"),
-    VERDICT: ("emergency", "way_in", "way_out"),
+    VERDICT: ("emergency", "way_in", "way_out", "here"),
 }
 
 

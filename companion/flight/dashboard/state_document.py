@@ -101,6 +101,8 @@ def replayed(
         "phase": "replay",
         "doing": "",
         "abort_does": "",
+        "here": "",
+        "assist": "off",
         "flying": False,
         "mode": vehicle.mode,
         "guided": vehicle.guided,

@@ -27,7 +27,7 @@ S = 1_000_000_000
 OWN = {
     *("at_ns", "phase", "flying", "connected", "heard", "lidar_ok", "blind", "lidar_faults"),
     *("pipeline_failed", "no_commands", "key_mismatch", "unfit", "fence", "aim_enu_m", "aborts", "reboots"),
-    *("past", "doing", "abort_does"),
+    *("past", "doing", "abort_does", "assist"),
 }
 
 SOURCES = Sources("livox:127.0.0.1:56301")
