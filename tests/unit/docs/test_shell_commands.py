@@ -59,17 +59,17 @@ PICTURES = {
 # The test that runs each command of slz; here its options are read by its own parser. Of calibrate,
 # reproduce and nearest that test runs all but the work itself, which takes minutes and has tests of its own.
 RUN_BY = {
-    "bench": "tests/unit/companion/cli/test_program.py",
+    "bench": "tests/unit/companion/cli/test_command_output.py",
     "benchmark": "tests/unit/companion/desk/open_benchmark/test_benchmark_command.py",
-    "calibrate": "tests/unit/companion/cli/test_program.py",
+    "calibrate": "tests/unit/companion/cli/test_command_output.py",
     "demo": "tests/e2e/test_program.py",
-    "doctor": "tests/unit/companion/cli/test_program.py",
+    "doctor": "tests/unit/companion/cli/test_command_output.py",
     "evidence": "tests/unit/companion/desk/evidence/test_evidence.py",
     "map": "tests/integration/test_map_command.py",
-    "nearest": "tests/unit/companion/cli/test_program.py",
+    "nearest": "tests/unit/companion/cli/test_command_output.py",
     "params": "tests/unit/docs/test_shell_commands.py",
-    "replay": "tests/unit/companion/cli/test_program.py",
-    "reproduce": "tests/unit/companion/cli/test_program.py",
+    "replay": "tests/unit/companion/cli/test_command_output.py",
+    "reproduce": "tests/unit/companion/cli/test_command_output.py",
     "run": "tests/e2e/test_quickstart.py",
     "sim": "tests/e2e/test_quickstart.py",
 }
