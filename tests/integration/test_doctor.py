@@ -45,6 +45,7 @@ def examined(
         mavlink=[f"udpout:127.0.0.1:{mavlink}"],
         lidar_to=("127.0.0.1", points) if lidar else None,
         point_rate_hz=20_000,
+        tick_ns=10_000_000,
         **more,
     )
     beside(sim)

@@ -370,16 +370,23 @@ def livox_cloud(points: NDArray[np.float32], after_ns: NDArray[np.int64], at_ns:
     return kind(_header(at_ns, "lidar"), at_ns, len(table), 1, np.zeros(3, np.uint8), table)
 
 
+@cache
+def _place_and_turn(ms: int) -> tuple[Floats, tuple[float, ...]]:
+    """Return place ENU and quaternion x y z w, body FLU to ENU: every bag tells them again."""
+    place, (w, x, y, z) = (value[0] for value in path(ms * 1e-3))
+    ned_from_frd = Rotation.from_quat([x, y, z, w]).as_matrix()
+    enu_from_flu = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]]) @ ned_from_frd @ np.diag([1, -1, -1])
+    return place, tuple(Rotation.from_matrix(enu_from_flu).as_quat().tolist())
+
+
 def pose(kind: str, ms: int) -> Any:
     """Return a message that tells a pose, or a part of one, some milliseconds after the beginning."""
-    place, (w, x, y, z) = (value[0] for value in path(ms * 1e-3))
+    place, turned = _place_and_turn(ms)
     header = _header(BEGIN_NS + ms * 1_000_000, "odom")
     point, quaternion, place_and_turn = _types(
         "geometry_msgs/msg/Point", "geometry_msgs/msg/Quaternion", "geometry_msgs/msg/Pose"
     )
-    ned_from_frd = Rotation.from_quat([x, y, z, w]).as_matrix()
-    enu_from_flu = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1]]) @ ned_from_frd @ np.diag([1, -1, -1])
-    turn = quaternion(*(float(v) for v in Rotation.from_matrix(enu_from_flu).as_quat()))
+    turn = quaternion(*turned)
     zeros = np.zeros(36)
     match kind.rpartition("/")[2]:
         case "PoseStamped":
