@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
+from copy import deepcopy
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -86,6 +87,14 @@ def imu_only(bench: Bench, first: int, last: int) -> Packets:
         yield at_ns, imu_packet(stamp_ns=7_000_000_000 + at_ns)
 
 
+@cache
+def fed_healthily(sensor: str) -> Bench:
+    """Return the bench of a sensor without settings after its healthy seconds, to be copied."""
+    bench = Bench(loop_of(sensor))
+    bench.feed(bench.arrivals(0, bench.number_at(BEFORE_S)))
+    return bench
+
+
 @dataclass(frozen=True, slots=True)
 class Case:
     """A fault that begins after five healthy seconds, or at once."""
@@ -118,14 +127,15 @@ class Case:
 
     def run(self) -> tuple[Bench, float]:
         """Feed the case; return the bench and the second in which the fault began."""
-        bench = Bench(self.loop(), **self.settings)
+        copied = not (self.from_start or self.settings or self.sensor == "os1")  # whose decoder has no copy
+        bench = deepcopy(fed_healthily(self.sensor)) if copied else Bench(self.loop(), **self.settings)
         if self.around is not None:
             around = self.around
             bench.stream.diagnosis.surroundings = lambda: around(bench)
         begin_s = 0.0 if self.from_start else BEFORE_S
         begin, end = bench.number_at(begin_s), bench.number_at(begin_s + WITHIN_S + 1.0)
         made = {"ahead_ns": AHEAD_NS, "drift_ppm": 0.0} if self.settings else {}
-        if not self.from_start:
+        if not (self.from_start or copied):
             healthy = bench.arrivals(0, begin, self.base(), **made)
             bench.feed(healthy if self.healthy is None else self.healthy(bench, 0, begin))
         if self.feed is not None:
