@@ -22,6 +22,7 @@ from sitl import faults
 from sitl.simulation import Simulation
 from slz import LocalFrame
 from tests.bench.landings import AIDED
+from tests.e2e.brief import brief
 from tests.e2e.harness import Mission
 from tests.unit.companion.flight.fusion.external_odometry.odometry_messages import Told
 
@@ -105,16 +106,7 @@ def test_without_gps_it_lands_by_an_odometry_that_jumps_and_again_in_the_replay(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recording = tmp_path / "flight.mcap"
-    mission = WithOdometry(
-        "plain",
-        seed=3,
-        height_m=11.0,
-        survey_s=4.0,
-        zone_m=100.0,
-        record=recording,
-        odometry="autopilot",
-        simulated={"parameters": AIDED},
-    )
+    mission = WithOdometry("plain", seed=3, record=recording, odometry="autopilot", **brief(parameters=AIDED))
     clock = SimpleNamespace(time_ns=lambda: BEGUN_NS + round(mission.loop.time() * 1e9))
     monkeypatch.setattr("companion.runtime.clock.time", clock)
     node = Node(mission)
@@ -155,7 +147,7 @@ def test_frames_that_begin_before_the_hand_over_change_neither_the_landing_nor_i
             frames.append(mission.companion.sensing.history.frame)
         await mission.until_phase(Phase.LANDED)
 
-    mission = Mission(record=tmp_path / "flight.mcap", height_m=13.0, survey_s=5.0).fly(flight)
+    mission = Mission(record=tmp_path / "flight.mcap", **brief()).fly(flight)
     assert sum("far from the map's origin" in text for text in mission.heard) >= 2
     assert len(set(frames)) == 1  # that of the hand-over
     assert mission.touchdown_safe()

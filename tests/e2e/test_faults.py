@@ -11,6 +11,7 @@ from sitl.truth.touchdown import footing
 from tests.campaign import reactions
 from tests.campaign.flight import fly
 from tests.campaign.plan import Plan, number_of, plan
+from tests.e2e.brief import brief
 from tests.e2e.harness import Mission
 
 pytestmark = pytest.mark.long
@@ -64,9 +65,8 @@ def test_a_barometer_that_jumps_in_the_descent_ends_no_landing(
     size_m: float, height_m: float, odometry: str
 ) -> None:
     """Without the height datum: four aborts, and "target lost: take over" where it jumps down at 2 m."""
-    low = {"survey_s": 4.0, "survey_height_m": 12.0, "zone_m": 80.0, "max_range_m": 60.0}
-    climbs = {"parameters": {"WPNAV_SPEED_UP": 500.0}}
-    mission = Mission("plain", seed=1, height_m=12.0, simulated=climbs, odometry=odometry, **low)
+    slow = {"LAND_SPEED": 50.0, "LAND_ALT_LOW": 1000.0}
+    mission = Mission("plain", seed=1, odometry=odometry, **brief(parameters=slow))
     (jump,) = faults.read(f"baro_jump={size_m}@{height_m}", 1)
     mission.sim.every_tick.append(jump)
 

@@ -7,6 +7,7 @@ import pytest
 
 from companion.flight.landing.orders.operator_order import Order, OrderKind
 from companion.flight.landing.situation import Phase
+from tests.e2e.brief import brief
 from tests.e2e.harness import Mission
 
 RADIUS_M, MARGIN_M = 25.0, 2.0
@@ -14,7 +15,7 @@ FENCE = {"FENCE_ENABLE": 1.0, "FENCE_RADIUS": RADIUS_M, "FENCE_MARGIN": MARGIN_M
 
 
 def fenced(*, auto: bool) -> Mission:
-    mission = Mission("plain", auto=auto)
+    mission = Mission("plain", auto=auto, **brief())
     mission.sim.autopilot.parameters.update(FENCE)
     return mission
 

@@ -11,6 +11,8 @@ from companion.flight.landing.situation import Phase
 from sitl.autopilot.modes import Mode
 from sitl.intruders import DrivenCar
 from sitl.sensors import ouster_os1, ouster_packets, vlp16
+from tests.campaign.sortie import AUTOPILOT
+from tests.e2e.brief import brief
 from tests.e2e.harness import POINT_RATE_HZ, Mission
 
 RATE_HZ = {"vlp16": round(vlp16.RATE_HZ)}  # its own: thinned to 50,000 it takes specks of dust for objects
@@ -54,8 +56,8 @@ def test_surveys_chooses_and_lands_on_safe_ground_and_again_in_the_replay(
 def test_with_odometry_it_lands_by_the_map_and_again_in_the_replay(tmp_path: Path) -> None:
     """Between the stands the place is observed: the replay has the same corrections, or other windows."""
     recording = tmp_path / "flight.mcap"
-    sensor = {"lidar_ms": 50, "tick_ns": 10_000_000, "point_rate_hz": 50_000}
-    flown = {"height_m": 11.0, "survey_s": 4.0, "zone_m": 100.0}
+    sensor = {"point_rate_hz": 50_000, "parameters": AUTOPILOT}
+    flown = {"height_m": 11.0, "survey_s": 3.0, "zone_m": 80.0}
     mission = Mission("stadium", seed=2, simulated=sensor, record=recording, odometry="map", **flown)
 
     async def script(m: Mission) -> None:
@@ -108,7 +110,7 @@ def test_a_car_that_drives_onto_the_point_makes_it_land_elsewhere() -> None:
 
 def test_the_pilot_s_mode_ends_every_command_and_lidar_silence_a_descent() -> None:
     """In a mode of the pilot's nothing is commanded; silence breaks the next descent off and is told."""
-    mission = Mission(seed=5)
+    mission = Mission(seed=5, **brief())
 
     async def script(m: Mission) -> None:
         assert m.sim.pilot is not None
@@ -116,7 +118,7 @@ def test_the_pilot_s_mode_ends_every_command_and_lidar_silence_a_descent() -> No
         m.sim.pilot.set_mode(Mode.LOITER)
         await m.until_phase(Phase.IDLE, 3)
         height = m.height_m
-        await asyncio.sleep(20)
+        await asyncio.sleep(10)
         assert m.sim.autopilot.mode is Mode.LOITER
         assert abs(m.height_m - height) < 2
         assert m.phase is Phase.IDLE
@@ -138,7 +140,7 @@ def test_the_pilot_s_mode_ends_every_command_and_lidar_silence_a_descent() -> No
 
 @pytest.mark.long
 def test_a_cut_link_is_healed_and_a_restarted_companion_takes_up_the_job() -> None:
-    mission = Mission(seed=8)
+    mission = Mission(seed=8, **brief())
 
     async def script(m: Mission) -> None:
         await m.until_phase(Phase.SURVEY)
@@ -162,13 +164,13 @@ def test_a_cut_link_is_healed_and_a_restarted_companion_takes_up_the_job() -> No
 
 
 def test_the_operator_orders_by_mav_cmd_user_1() -> None:
-    mission = Mission(seed=9, auto=False)
+    mission = Mission(seed=9, auto=False, **brief())
 
     async def script(m: Mission) -> None:
         assert m.sim.pilot is not None
         await m.until(lambda: bool(m.companion.mapping.latest.zones_seen))
-        await m.until(lambda: m.height_m > 16)
-        await asyncio.sleep(10)
+        await m.until(lambda: m.height_m > 11)
+        await asyncio.sleep(5)
         assert m.phase is Phase.IDLE
         m.sim.pilot.command(mavlink.MAV_CMD_USER_1, 1, component=191)
         await m.until_phase(Phase.APPROACH, 20)

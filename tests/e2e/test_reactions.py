@@ -12,18 +12,19 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.flight.landing.situation import Phase
 from sitl.autopilot.modes import Mode
 from sitl.world.primitives import Box
+from tests.e2e.brief import brief
 from tests.e2e.harness import Mission
 
 WALL_M, WALL_WIDE_M, WALL_HIGH_M = 36.0, 5.0, 22.0
 
 
 def test_an_emergency_in_loiter_lands_at_once() -> None:
-    mission = Mission(seed=10, auto=False)
+    mission = Mission(seed=10, auto=False, **brief())
 
     async def script(m: Mission) -> None:
         assert m.sim.pilot is not None
         await m.until(lambda: bool(m.companion.mapping.latest.zones_seen))
-        await m.until(lambda: m.height_m > 16)
+        await m.until(lambda: m.height_m > 11)
         m.sim.pilot.set_mode(Mode.LOITER)
         await m.until(lambda: m.sim.autopilot.mode is Mode.LOITER)
         await asyncio.sleep(3)
@@ -38,7 +39,7 @@ def test_an_emergency_in_loiter_lands_at_once() -> None:
 
 @pytest.mark.long
 def test_a_low_battery_ends_the_survey_and_below_the_dust_height_nothing_is_mapped() -> None:
-    mission = Mission(seed=11, survey_s=300.0, dust_height_m=4.0)
+    mission = Mission(seed=11, **brief(survey_s=300.0, dust_height_m=4.0))
 
     async def script(m: Mission) -> None:
         await m.until_phase(Phase.SURVEY)
@@ -92,13 +93,13 @@ def test_a_wall_in_dust_is_passed_over_with_avoidance_on() -> None:
 @pytest.mark.long
 def test_an_autopilot_that_is_not_set_up_is_landed_by_an_order_alone_until_it_is_set_right() -> None:
     """The order is carried out, and warned of; set right in the air, it lands by itself."""
-    mission = Mission(seed=13, simulated={"parameters": {"GUID_TIMEOUT": 30.0}})
+    mission = Mission(seed=13, **brief(parameters={"GUID_TIMEOUT": 30.0}))
 
     async def script(m: Mission) -> None:
         assert m.sim.pilot is not None
         await m.until(lambda: bool(m.companion.mapping.latest.zones_seen))
-        await m.until(lambda: m.height_m > 16)
-        await asyncio.sleep(20)
+        await m.until(lambda: m.height_m > 11)
+        await asyncio.sleep(10)
         assert m.phase is Phase.IDLE
         assert "SLZ: GUID_TIMEOUT is 30, needs 0.5 to 5" in m.heard
         assert "SLZ: no landing by itself: GUID_TIMEOUT" in m.heard

@@ -14,6 +14,7 @@ from companion.flight.link.autopilots.autopilot_registry import add_autopilot, r
 from companion.flight.link.vehicle_class import ROTARY_WINGS, type_name
 from sitl.autopilot.modes import Mode
 from sitl.wire.wire import Peer, Wire
+from tests.e2e.brief import brief
 from tests.e2e.harness import Mission
 
 pytestmark = pytest.mark.long
@@ -70,7 +71,7 @@ def changed(data: bytes, change: Callable[[Any], None]) -> bytes:
 
 
 def flown(until: Callable[[Mission], bool]) -> tuple[Mission, ThirdWire]:
-    mission = Mission(seed=3, height_m=13.0, survey_s=5.0)
+    mission = Mission(seed=3, **brief())
     wire = mission.sim.router.wires[0] = ThirdWire(mission.sim.router.wires[0])
     return mission.fly(lambda m: m.until(lambda: until(m))), wire
 
@@ -92,7 +93,7 @@ def test_it_is_commanded_in_its_own_modes_and_lands(registered: None) -> None:
 
 
 def test_without_its_object_nothing_is_commanded() -> None:
-    mission, wire = flown(lambda m: m.sim.now_ns > 40_000_000_000)  # by then it would survey
+    mission, wire = flown(lambda m: m.sim.now_ns > 25_000_000_000)  # by then it would survey
     assert mission.companion.link.vehicle.autopilot is OTHER
     assert mission.companion.link.no_command_reason == "unknown autopilot"
     assert mission.sim.autopilot.airborne

@@ -5,6 +5,7 @@ import math
 import pytest
 
 from companion.flight.landing.situation import Phase
+from tests.e2e.brief import brief
 from tests.e2e.harness import Mission
 
 pytestmark = pytest.mark.long
@@ -27,9 +28,8 @@ def off_wind_deg(mission: Mission) -> float:
 )
 def test_lands_into_a_wind_of_eight_metres_per_second(seed: int, drag_fusion: float, source: str) -> None:
     blown = {"wind_ms": 8.0, "wind_from_deg": FROM_DEG, "gust_ms": 1.0}
-    mission = Mission(
-        seed=seed, simulated={**blown, "parameters": {"EK3_DRAG_MCOEF": drag_fusion}}, max_wind_ms=16.0
-    )
+    drag = {"EK3_DRAG_MCOEF": drag_fusion}
+    mission = Mission(seed=seed, **brief(simulated=blown, parameters=drag, max_wind_ms=16.0))
 
     async def script(m: Mission) -> None:
         await m.until_phase(Phase.LANDED)
@@ -44,7 +44,7 @@ def test_lands_into_a_wind_of_eight_metres_per_second(seed: int, drag_fusion: fl
 
 
 def test_waits_in_too_much_wind_and_lands_in_an_emergency() -> None:
-    mission = Mission(seed=3, simulated={"wind_ms": 8.0, "gust_ms": 1.0}, max_wind_ms=6.0)
+    mission = Mission(seed=3, **brief(simulated={"wind_ms": 8.0, "gust_ms": 1.0}, max_wind_ms=6.0))
 
     async def script(m: Mission) -> None:
         await m.until(lambda: any("wind too strong for this point" in text for text in m.heard))
