@@ -258,7 +258,7 @@ class Assist:
         self._landing = None
         if not landing.is_led:
             return
-        if not s.armed and np.isfinite(self.aim.away_m):
+        if (not s.armed or s.on_ground is True) and np.isfinite(self.aim.away_m):
             off_m = self.aim.away_m
             self.tally.off_m.append(round(off_m, 2))
             self._texts.say(Severity.NOTICE, f"{landing.mode}: landed, {off_m:.2f} m off the target")

@@ -184,6 +184,14 @@ def test_the_target_is_sent_without_a_pause_until_the_vehicle_is_disarmed() -> N
     assert any("off the target" in text for text in flight.texts)
 
 
+def test_a_touchdown_is_told_where_the_mode_changes_on_the_ground() -> None:
+    """PX4 leaves AUTO.RTL for AUTO.LOITER when it stands, and disarms later."""
+    flight = landing(BELOW, mode="AUTO.RTL")
+    flight.position[2] = 0.0
+    flight.having(mode="AUTO.LOITER", lands_itself=False).run(0.2)
+    assert any(text.startswith("SLZ: AUTO.RTL: landed, 0.") for text in flight.texts)
+
+
 def test_a_low_landing_gets_no_target_far_aside() -> None:
     assert target(landing(EAST, height=4.0)) is None
 
