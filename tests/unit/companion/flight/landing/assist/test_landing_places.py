@@ -133,13 +133,11 @@ walls = st.lists(st.tuples(areas, st.floats(0.0, 30.0)), max_size=6)
 
 def touches(place: LandingPlace, walls: list[tuple[Area, float]], height_m: float, radius_m: float) -> bool:
     """Return whether a disc on the way to a place touches a wall that rises to the vehicle, step by step."""
-    for share in np.linspace(0.0, 1.0, 200):
-        east, north = share * place.enu_m[:2]
-        for (west_m, south_m, east_m, north_m), top_m in walls:
-            middle_e = np.clip(east, west_m + 0.25, east_m - 0.25)
-            middle_n = np.clip(north, south_m + 0.25, north_m - 0.25)
-            if top_m > height_m - 2.0 and math.hypot(east - middle_e, north - middle_n) < radius_m - 0.4:
-                return True
+    way_m = np.linspace(0.0, 1.0, 200)[:, None] * place.enu_m[:2]
+    for (west_m, south_m, east_m, north_m), top_m in walls:
+        middle_m = np.clip(way_m, (west_m + 0.25, south_m + 0.25), (east_m - 0.25, north_m - 0.25))
+        if top_m > height_m - 2.0 and (np.hypot(*(way_m - middle_m).T) < radius_m - 0.4).any():
+            return True
     return False
 
 
