@@ -31,7 +31,7 @@ def hovering() -> tuple[Simulation, Station]:
         [end.wire],
         pilot_height_m=HEIGHT_M,
         ready_after_s=0.1,
-        tick_ns=5_000_000,
+        tick_ns=10_000_000,
         wind_ms=0.0,
         parameters={"WPNAV_SPEED_UP": 500.0},
     )

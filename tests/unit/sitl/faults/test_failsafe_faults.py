@@ -27,7 +27,7 @@ def hovering() -> Simulation:
         [MemoryWire()],
         pilot_height_m=HEIGHT_M,
         ready_after_s=0.1,
-        tick_ns=5_000_000,
+        tick_ns=10_000_000,
         wind_ms=0.0,
         parameters={"WPNAV_SPEED_UP": 500.0},
     )
@@ -113,7 +113,7 @@ def winds(name: str) -> tuple[list[Any], list[Any]]:
     """Return the WIND messages while a fault lasts, and those after it."""
     end = Station(1, COMPANION)
     sim = Simulation(
-        scenes.build("landing_site", 1), [end.wire], pilot_height_m=5.0, ready_after_s=0.1, tick_ns=5_000_000
+        scenes.build("landing_site", 1), [end.wire], pilot_height_m=5.0, ready_after_s=0.1, tick_ns=10_000_000
     )
     sim.run(10.0)
     end.wire.received.clear()
