@@ -23,15 +23,15 @@ def fault(name: str, seed: int = 1) -> faults.Fault:
 
 
 @pytest.fixture
-def hovering() -> tuple[Simulation, Station]:
-    """Return a vehicle in GUIDED at five metres, and a companion's end that hears it."""
+def hovering(request: pytest.FixtureRequest) -> tuple[Simulation, Station]:
+    """Return a vehicle in GUIDED at five metres, and a companion's end that hears it; parameter: the tick."""
     end = Station(1, COMPANION)
     sim = Simulation(
         scenes.build("landing_site", 1),
         [end.wire],
         pilot_height_m=HEIGHT_M,
         ready_after_s=0.1,
-        tick_ns=10_000_000,
+        tick_ns=getattr(request, "param", 10_000_000),
         wind_ms=0.0,
         parameters={"WPNAV_SPEED_UP": 500.0},
     )
@@ -242,6 +242,7 @@ def test_a_fault_of_what_is_not_there_says_so(name: str) -> None:
         fault(name).start(sim)
 
 
+@pytest.mark.parametrize("hovering", [5_000_000], indirect=True)
 def test_a_held_up_autopilot_loses_time_that_its_sensors_do_not(
     hovering: tuple[Simulation, Station],
 ) -> None:
