@@ -2,7 +2,7 @@
 
 One simulated vehicle takes off, flies over a place that is truly unsafe, and lands for a cause, again and
 again. Each touchdown is judged by the exact world, and compared with where the vehicle would have come down
-alone: straight below in a landing, at home in a return.
+alone: straight below. In a return home is that place, as if something had come to stand where it took off.
 """
 
 from __future__ import annotations
@@ -74,13 +74,13 @@ class Session:
         for number, (east, north, away_m) in enumerate(self._places):
             cause = self._causes[number % len(self._causes)]
             await self._fly_over(east, north)
-            heard, home = len(m.heard), m.sim.autopilot.navigator.home_enu_m.copy()
+            heard = len(m.heard)
+            if cause in RETURNS:
+                m.sim.autopilot.navigator.home_enu_m[:2] = east, north
             await CAUSES[cause](m)
-            returns = m.sim.autopilot.mode is Mode.RTL
-            alone = (float(home[0]), float(home[1])) if returns else (east, north)
             await m.until(lambda: not m.sim.autopilot.armed, 200)
             await asyncio.sleep(0.5)
-            self._judge(cause, (east, north), away_m, alone, m.heard[heard:])
+            self._judge(cause, (east, north), away_m, m.heard[heard:])
             self._mend()
 
     async def _fly_over(self, east: float, north: float) -> None:
@@ -97,21 +97,14 @@ class Session:
             *[0.0] * 8,
         )  # fmt: skip
         pilot.send(target)
-        await m.until(lambda: math.hypot(*(vehicle.truth.pos_enu_m - there)[:2]) < 0.8, 60)
+        await m.until(lambda: math.hypot(*(vehicle.truth.pos_enu_m - there)[:2]) < 0.8, 120)
         await asyncio.sleep(4.0)
 
-    def _judge(
-        self,
-        cause: str,
-        place: tuple[float, float],
-        away_m: float,
-        alone: tuple[float, float],
-        texts: list[str],
-    ) -> None:
+    def _judge(self, cause: str, place: tuple[float, float], away_m: float, texts: list[str]) -> None:
         contact = self.mission.sim.touchdown
         ended = "collision" if contact is None else fault_of(self._world, contact)
         heading = 0.0 if contact is None else contact["heading_deg"]
-        without = fault_of(self._world, {"e": alone[0], "n": alone[1], "heading_deg": heading})
+        without = fault_of(self._world, {"e": place[0], "n": place[1], "heading_deg": heading})
         off = math.nan if contact is None else math.hypot(contact["e"] - place[0], contact["n"] - place[1])
         spoken = [text for text in texts if "SLZ" in text or "PrecLand" in text or "ailsafe" in text]
         one = Landed(
@@ -194,6 +187,8 @@ CAUSES: dict[str, Callable[[Mission], Awaitable[None]]] = {
     "fence": _fence,
     "restart": _restart,
 }
+
+RETURNS = frozenset({"battery_rtl", "transmitter", "station"})
 
 
 def main() -> None:
