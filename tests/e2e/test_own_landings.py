@@ -20,10 +20,3 @@ def test_a_land_and_a_return_over_unsafe_ground_end_on_safe_ground_without_a_com
     assert summary["assist"]["led"] == 2
     assert max(summary["assist"]["off_m"]) < 0.3
     assert session.mission.companion.deciding.execution.sent_enu_ms is None
-
-
-def test_left_alone_a_land_over_unsafe_ground_ends_there() -> None:
-    (landed,) = Session("streets", 1, "off", ["land"], 1).fly()
-    assert landed.alone
-    assert landed.ended
-    assert landed.off_place_m < 1.0
