@@ -14,8 +14,8 @@ from typing import Any
 from sitl import faults, intruders, scenes
 from sitl.attached import attach
 from sitl.autopilot.airframe import Kind
+from sitl.autopilot.autopilot_kinds import KINDS, AutopilotKind
 from sitl.autopilot.estimator import SEVERITIES, EstimateErrors
-from sitl.autopilot.parameters import in_range, with_defaults
 from sitl.pace import LockstepServer, Pace
 from sitl.sensors import lidars
 from sitl.sensors.imu.inertial_port import PORTS as IMU_PORTS
@@ -214,6 +214,10 @@ def _parse(arguments: list[str]) -> argparse.Namespace:
     )
     parser.add_argument("--pilot", default="none", choices=("none", "takeoff"), help="who arms and takes off")
     parser.add_argument(
+        "--autopilot-kind", default="ardupilot", choices=tuple(KINDS),
+        help="whose modes, messages and failsafes the simulated autopilot has",
+    )  # fmt: skip
+    parser.add_argument(
         "--airframe", default="multirotor", choices=[kind.name.lower() for kind in Kind],
         help="what the messages say it is; a fixed wing flies straight on at 9.6 m/s after its take-off",
     )  # fmt: skip
@@ -327,7 +331,8 @@ def _build(options: argparse.Namespace) -> tuple[Simulation, LockstepServer | No
         lidar_to=_lidar_to(options),
         point_rate_hz=round(options.point_rate),
         lidar_dual=options.dual,
-        parameters=_parameters(options.param),
+        autopilot_kind=options.autopilot_kind,
+        parameters=_parameters(options.param, KINDS[options.autopilot_kind]),
         errors=EstimateErrors.of_severity(options.drift),
         wind_ms=options.wind,
         wind_from_deg=options.wind_from,
@@ -363,7 +368,7 @@ def _origin(text: str | None) -> tuple[float, float, float]:
     return lat, lon, alt
 
 
-def _parameters(texts: list[str]) -> dict[str, float]:
+def _parameters(texts: list[str], kind: AutopilotKind) -> dict[str, float]:
     given = {}
     for text in texts:
         name, _, value = text.partition("=")
@@ -371,9 +376,9 @@ def _parameters(texts: list[str]) -> dict[str, float]:
             given[name] = float(value)
         except ValueError:
             raise ValueError(f"--param {text!r}: write NAME=VALUE") from None
-    known = with_defaults({"EKF2_EN": given.get("EKF2_EN", 0.0)})
+    known = kind.known(given)
     for name, number in given.items():
-        if name not in known or not in_range(name, number):
+        if name not in known or not kind.in_range(name, number):
             raise ValueError(f"--param {name}={number:g}: the autopilot has no such parameter or value")
     return given
 

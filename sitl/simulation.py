@@ -9,7 +9,7 @@ import numpy as np
 
 from sitl import scenes
 from sitl.autopilot.airframe import Kind
-from sitl.autopilot.autopilot import Autopilot
+from sitl.autopilot.autopilot_kinds import KINDS
 from sitl.autopilot.estimator import EstimateErrors, Estimator
 from sitl.autopilot.pilot import Pilot
 from sitl.intruders import Intruder
@@ -71,6 +71,7 @@ class Simulation:
         wind_ms: float = 3.0,
         wind_from_deg: float | None = None,
         gust_ms: float | None = None,
+        autopilot_kind: str = "ardupilot",
         parameters: dict[str, float] | None = None,
         pilot_height_m: float | None = None,
         ready_after_s: float = 5.0,
@@ -92,7 +93,8 @@ class Simulation:
         self.now_ns = 0
         home = x, y, scene.world.height_m(x, y)
         self.vehicle = Vehicle(streams[0], home, heading, wind_ms, wind_from_deg, gust_ms)
-        self.autopilot = Autopilot(origin_lla, parameters, ready_after_s=ready_after_s)
+        kind = KINDS[autopilot_kind]
+        self.autopilot = kind.autopilot(origin_lla, parameters, ready_after_s=ready_after_s)
         self.autopilot.airframe.kind = airframe
         self.estimator = Estimator(streams[1], errors, self.autopilot.aiding)
         self.autopilot.late_ns = lambda: round(self.late_s(self.now_ns) * 1e9)
@@ -121,7 +123,7 @@ class Simulation:
         if pilot_height_m is not None:
             wire = MemoryWire("pilot")
             wires.append(wire)
-            self.pilot = Pilot(wire, pilot_height_m, mavlink_key)
+            self.pilot = kind.pilot(wire, pilot_height_m, mavlink_key)
         self.every_tick: list[Callable[[Simulation], None]] = [lambda s: s.log.note()]
         self._track = PoseTrack()
         self._ticks = self._scans = 0

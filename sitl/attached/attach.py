@@ -23,7 +23,7 @@ CONNECT_S = 0.3
 IDLE_S = 0.002
 # Options of the whole vehicle; the followed autopilot has its own.
 FOREIGN = (
-    "airframe",
+    *("airframe", "autopilot_kind"),
     *("mavlink", "mavlink_key", "lockstep", "speedup", "pilot", "takeoff_alt", "intruder"),
     *("fault", "drift", "param", "imu_to", "wind", "wind_from", "gust"),
 )

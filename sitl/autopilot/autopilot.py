@@ -6,6 +6,7 @@ import logging
 import math
 from collections import deque
 from collections.abc import Callable
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,9 @@ class Autopilot:
 
     sysid = 1
     compid = 1
+    first_mode: IntEnum = Mode.STABILIZE
+    companion_modes: tuple[IntEnum, ...] = (Mode.LAND, Mode.GUIDED)
+    """Modes in which a companion leads the vehicle."""
 
     def __init__(
         self,
@@ -72,9 +76,9 @@ class Autopilot:
         ready_after_s: float = 5.0,
     ) -> None:
         self.origin_lla = origin_lla
-        self.parameters = with_defaults(parameters or {})
+        self.parameters = self._with_defaults(parameters or {})
         self.boot_offset_ns = boot_offset_ns
-        self.mode = Mode.STABILIZE
+        self.mode: IntEnum = self.first_mode
         self.armed = False
         self.airborne = False
         self.battery_pct = 100.0
@@ -86,14 +90,10 @@ class Autopilot:
         self.aiding = Ekf2Aiding(self.parameters) if self.has_ekf2 else PositionAiding(self.parameters)
         self.receiver = RadioReceiver()
         self.wind = WindEstimator()
-        self.navigator = Navigator(self.parameters, self.precland)
         self.airframe = Airframe()
         self.target_enu_ms = np.zeros(3)
         self.rally, self.plan = Rally(self), FlightPlan(self)
-        self.failsafes = Failsafes(self)
-        self.telemetry = Telemetry(self, self.failsafes)
-        self.missions = MissionServer(self, self.plan, self.rally, self.failsafes.fence.items)
-        self.commands = Commands(self, self.telemetry, self.failsafes, self.missions)
+        self._compose()
         self.faults = 0
         """Number of messages that raised an exception in a handler and were dropped."""
         self.mode_changes: list[tuple[int, str]] = []
@@ -110,6 +110,17 @@ class Autopilot:
         self._next_check_ns = 0
         self._settled_since_ns: int | None = None
         self._silent_until_ns = 0
+
+    def _with_defaults(self, parameters: dict[str, float]) -> dict[str, float]:
+        return with_defaults(parameters)
+
+    def _compose(self) -> None:
+        """Make the parts in which one autopilot differs from another."""
+        self.navigator = Navigator(self.parameters, self.precland)
+        self.failsafes = Failsafes(self)
+        self.telemetry = Telemetry(self, self.failsafes)
+        self.missions = MissionServer(self, self.plan, self.rally, self.failsafes.fence.items)
+        self.commands = Commands(self, self.telemetry, self.failsafes, self.missions)
 
     # ---- state and messages -----------------------------------------------------------------------
 
@@ -218,7 +229,7 @@ class Autopilot:
 
     # ---- actions and control -----------------------------------------------------------------------
 
-    def set_mode(self, mode: Mode) -> bool:
+    def set_mode(self, mode: IntEnum) -> bool:
         """Change the mode; GUIDED, RTL and others that need a position are refused without one."""
         if self.estimate is None or (mode in NEEDS_POSITION and not self.position_ok):
             return self._refuse(mode, "requires position")
@@ -241,7 +252,7 @@ class Autopilot:
             self.telemetry.due_now(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
         return True
 
-    def _refuse(self, mode: Mode, reason: str) -> bool:
+    def _refuse(self, mode: IntEnum, reason: str) -> bool:
         self.send_text(f"Mode change to {mode.name} failed: {reason}", mavlink.MAV_SEVERITY_WARNING)
         return False
 
@@ -346,12 +357,16 @@ class Autopilot:
             return np.zeros(3), 0.0
         if now_ns >= self._next_outer_ns:
             self._next_outer_ns = now_ns + OUTER_LOOP_NS
-            self.precland.remember(now_ns, estimate)
             range_m = self.range_down_m()
-            self.precland.check_sight(estimate.pos_enu_m, now_ns, range_m, self.parameters)
+            self._observe(now_ns, estimate, range_m)
             self._outer(now_ns, estimate, on_ground, range_m)
         quat, thrust = self._wanted
         return rate_command(estimate.quat_wxyz, quat), thrust
+
+    def _observe(self, now_ns: int, estimate: State, range_m: float | None) -> None:
+        """Update what the modes react to, before they command."""
+        self.precland.remember(now_ns, estimate)
+        self.precland.check_sight(estimate.pos_enu_m, now_ns, range_m, self.parameters)
 
     def _check(self) -> None:
         """Run the checks of 10 Hz, armed or not."""
@@ -390,7 +405,7 @@ class Autopilot:
         if level:
             velocity = np.array([*estimate.vel_enu_ms[:2], velocity[2]])
         ahead = None if self.airframe.on_wing else self.navigator.feedforward_enu_ms2(self.mode)
-        most_ms2 = self.parameters["WPNAV_ACCEL"] / 100 if ahead is None else math.inf
+        most_ms2 = self.navigator.parameters["WPNAV_ACCEL"] / 100 if ahead is None else math.inf
         acceleration = self._velocity.acceleration(velocity, estimate, dt_s, most_ms2)
         if ahead is not None:
             acceleration += ahead

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from enum import IntEnum
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.airframe import Airframe
 from sitl.autopilot.guidance.precland import PrecisionLanding
-from sitl.autopilot.modes import Mode, Navigator
+from sitl.autopilot.modes import Navigator
 from sitl.autopilot.position_aiding import PositionAiding
 from sitl.autopilot.proximity import Proximity
 from sitl.autopilot.radio_receiver import RadioReceiver
@@ -26,7 +27,6 @@ class AutopilotView(Protocol):
 
     origin_lla: tuple[float, float, float]
     parameters: dict[str, float]
-    mode: Mode
     armed: bool
     airborne: bool
     battery_pct: float
@@ -38,9 +38,14 @@ class AutopilotView(Protocol):
     aiding: PositionAiding
     receiver: RadioReceiver
     wind: WindEstimator
-    navigator: Navigator
     airframe: Airframe
     target_enu_ms: F64
+
+    @property
+    def mode(self) -> IntEnum: ...
+
+    @property
+    def navigator(self) -> Navigator: ...
 
     @property
     def has_ekf2(self) -> bool: ...
@@ -80,7 +85,7 @@ class AutopilotView(Protocol):
 
     def send_text(self, text: str, severity: int = mavlink.MAV_SEVERITY_INFO) -> None: ...
 
-    def set_mode(self, mode: Mode) -> bool: ...
+    def set_mode(self, mode: IntEnum) -> bool: ...
 
     def arm(self) -> str | None: ...
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -87,6 +87,8 @@ def _is_place(lat_deg: float, lon_deg: float, alt_m: float) -> bool:
 class Commands:
     """Dispatcher of messages to the autopilot."""
 
+    needed: Mapping[int, tuple[int, ...]] = _NEEDED
+
     def __init__(
         self, autopilot: AutopilotView, telemetry: Telemetry, failsafes: Failsafes, missions: MissionServer
     ) -> None:
@@ -144,7 +146,7 @@ class Commands:
         p = Params(message)
         if handler is None:
             result = UNSUPPORTED
-        elif not p.numbers(_NEEDED.get(message.command, ())):
+        elif not p.numbers(self.needed.get(message.command, ())):
             result = DENIED
         else:
             result = handler(p, link)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -68,7 +69,7 @@ class Navigator:
         Controllers of LAND and of every other landing, of RTL, SMART_RTL and AUTO.
     """
 
-    def __init__(self, parameters: dict[str, float], precland: PrecisionLanding) -> None:
+    def __init__(self, parameters: Mapping[str, float], precland: PrecisionLanding) -> None:
         self.parameters = parameters
         self.home_enu_m, self.hold_enu_m = np.zeros(3), np.zeros(3)
         self.rally_enu_m: list[F64] = []
@@ -91,17 +92,17 @@ class Navigator:
         """True if this landing has no position."""
         return self.landing.blind
 
-    def is_landing(self, mode: Mode) -> bool:
+    def is_landing(self, mode: IntEnum) -> bool:
         """Return whether a mode lands now (Mode::is_landing)."""
         if mode in (Mode.RTL, Mode.SMART_RTL):
             return (self.returning if mode is Mode.RTL else self.path_return).is_landing
         return mode is Mode.LAND or (mode is Mode.AUTO and self.mission.is_landing)
 
-    def is_taking_off(self, mode: Mode) -> bool:
+    def is_taking_off(self, mode: IntEnum) -> bool:
         """Return whether a mode takes off now."""
         return self.takeoff_up_m is not None or (mode is Mode.AUTO and self.mission.takeoff_up_m is not None)
 
-    def enter(self, mode: Mode, state: State) -> None:
+    def enter(self, mode: IntEnum, state: State) -> None:
         """Start a mode from the vehicle's current state."""
         stop = state.vel_enu_ms * np.array([0.6, 0.6, 0.3])
         self.hold_enu_m = state.pos_enu_m + stop
@@ -125,11 +126,11 @@ class Navigator:
         for controller in (self.landing, self.returning, self.path_return, self.mission):
             controller.move(jump_enu_m)
 
-    def feedforward_enu_ms2(self, mode: Mode) -> F64 | None:
+    def feedforward_enu_ms2(self, mode: IntEnum) -> F64 | None:
         """Return the acceleration (3,) of a setpoint that moves within limits; None if it jumps."""
         return self.landing.acceleration_enu_ms2 if self.is_landing(mode) else None
 
-    def velocity(self, mode: Mode, state: State, now_ns: int, rangefinder_m: float | None) -> F64:
+    def velocity(self, mode: IntEnum, state: State, now_ns: int, rangefinder_m: float | None) -> F64:
         """Return the velocity setpoint (3,) east, north, up; `rangefinder_m` is None if unhealthy."""
         up_m = float(state.pos_enu_m[2] - self.home_enu_m[2])
         height_m = up_m if rangefinder_m is None else rangefinder_m

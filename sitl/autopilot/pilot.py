@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from enum import IntEnum
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -17,6 +18,8 @@ CALLS = 64
 
 class Pilot:
     """System 255 on a wire of its own; all its actions are MAVLink messages."""
+
+    holding_modes: tuple[IntEnum, ...] = (Mode.LOITER, Mode.BRAKE, Mode.ALT_HOLD)
 
     def __init__(self, wire: MemoryWire, takeoff_height_m: float, key: bytes | None = None) -> None:
         self._wire = wire
@@ -67,7 +70,7 @@ class Pilot:
         p = [*values, *[0.0] * (7 - len(values))]
         self.send(mavlink.MAVLink_command_long_message(1, component, number, 0, *p))
 
-    def set_mode(self, mode: Mode) -> None:
+    def set_mode(self, mode: int) -> None:
         """Request a flight mode."""
         self.command(mavlink.MAV_CMD_DO_SET_MODE, mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED, int(mode))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -69,6 +69,8 @@ UTC_AT_ZERO_US = 1_750_000_000_000_000
 class Telemetry:
     """Message intervals per link, and a factory for each message."""
 
+    default_ms: Mapping[int, int] = DEFAULT_MS
+
     def __init__(self, autopilot: AutopilotView, failsafes: Failsafes) -> None:
         self._ap = autopilot
         self._due: dict[int, dict[int, list[int]]] = {}
@@ -101,7 +103,7 @@ class Telemetry:
     def add_link(self, link: int, now_ns: int) -> None:
         """Start the default streams on a new link."""
         if link not in self._due:
-            made = ((number, ms) for number, ms in DEFAULT_MS.items() if number in self._makers)
+            made = ((number, ms) for number, ms in self.default_ms.items() if number in self._makers)
             self._due[link] = {number: [ms * 1_000_000, now_ns] for number, ms in made}
             self._next_ns = 0
 
@@ -113,7 +115,7 @@ class Telemetry:
         """Set a stream's interval: 0 the default, -1 off."""
         if number not in self._makers:
             return False
-        default = DEFAULT_MS.get(number)
+        default = self.default_ms.get(number)
         streams = self._due.setdefault(link, {})
         if interval_us < 0 or (interval_us == 0 and default is None):
             streams.pop(number, None)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sitl.autopilot.aiding.source_sets import Source
-from sitl.autopilot.modes import Mode
+from sitl.autopilot.pilot import Pilot
 from sitl.faults.fault import Fault
 
 if TYPE_CHECKING:
@@ -24,7 +24,6 @@ DRIFT_MS, DRIFT_M = 0.3, 5.0
 TICK_LIMIT_S = 0.1
 SWAY_M, SWAY_S = (0.05, 0.1), (1.2, 2.5)
 HELD_S, GOES_ON_S = (0.02, 0.3), (0.04, 0.6)
-PILOTS = (Mode.LOITER, Mode.BRAKE, Mode.ALT_HOLD)
 RETRY_NS = 1_000_000_000
 
 
@@ -152,7 +151,7 @@ class PilotMode(Fault):
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
-        self.mode = PILOTS[int(rng.integers(len(PILOTS)))]
+        self._choice = int(rng.integers(len(Pilot.holding_modes)))
         self._next_ns = 0
 
     def start(self, simulation: Simulation) -> None:
@@ -163,9 +162,12 @@ class PilotMode(Fault):
 
     def on_tick(self, simulation: Simulation) -> None:
         pilot = simulation.pilot
-        if pilot is not None and pilot.mode != self.mode and simulation.now_ns >= self._next_ns:
+        if pilot is None:
+            return
+        mode = pilot.holding_modes[self._choice]
+        if pilot.mode != mode and simulation.now_ns >= self._next_ns:
             self._next_ns = simulation.now_ns + RETRY_NS
-            pilot.set_mode(self.mode)
+            pilot.set_mode(mode)
 
 
 class WingFlight(Fault):

@@ -8,7 +8,6 @@ from typing import Protocol
 import numpy as np
 
 from sitl.autopilot.autopilot import Autopilot
-from sitl.autopilot.modes import Mode
 from sitl.scenes.scene import Scene
 from sitl.truth.flight_log import FlightLog
 from sitl.vehicle.multirotor import Vehicle
@@ -81,7 +80,7 @@ class Intruder(abc.ABC):
         target, estimate = s.autopilot.landing_target_enu_m, s.autopilot.estimate
         if target is None or estimate is None or not s.autopilot.airborne:
             return
-        if s.autopilot.mode not in (Mode.LAND, Mode.GUIDED):
+        if s.autopilot.mode not in s.autopilot.companion_modes:
             return
         truth = s.vehicle.truth.pos_enu_m
         if truth[2] - s.scene.world.height_m(float(truth[0]), float(truth[1])) > self.below_m:

@@ -28,11 +28,12 @@ class Bench:
         wind_from_deg: float | None = None,
         gust_ms: float | None = None,
         tick_ns: int = TICK_NS,
+        autopilot: type[Autopilot] = Autopilot,
     ) -> None:
         self.tick_ns = tick_ns
         rng = np.random.default_rng(seed)
         self.vehicle = Vehicle(rng, (0.0, 0.0, 0.0), 0.7, wind_ms, wind_from_deg, gust_ms)
-        self.autopilot = Autopilot(ORIGIN)
+        self.autopilot = autopilot(ORIGIN)
         self.estimator = Estimator(rng, errors or EstimateErrors.none(), self.autopilot.aiding)
         self.autopilot.add_link(0)
         self.now_ns = 0
