@@ -80,8 +80,9 @@ def run(
     if land not in ("ask", "auto", "assist"):
         raise UsageError(f"--land {land!r}: use ask, auto or assist")
     state = StateDir(state_dir or default_state_dir())
-    offers = ["assist=offer"] if land == "assist" else []
-    parameters = settings.load(profile, [*offers, *setting], state)
+    parameters = settings.load(profile, setting, state)
+    if land == "assist" and parameters.assist == "off":
+        parameters = settings.load(profile, [*setting, "assist=offer"], state)
     compile_at_first(kernel_compilation.of_flight(parameters.mode))
     from companion.cli import vehicle_run
 

@@ -21,7 +21,12 @@ from companion.flight.landing.interruptions.late_abort import LateAbort
 from companion.flight.landing.interruptions.low_battery import LowBattery
 from companion.flight.landing.interruptions.missing_input import MissingInputs
 from companion.flight.landing.interruptions.position_jump import PositionJump
-from companion.flight.landing.interruptions.preconditions import Preconditions
+from companion.flight.landing.interruptions.preconditions import (
+    Breach,
+    Precondition,
+    Preconditions,
+    Reaction,
+)
 from companion.flight.landing.interruptions.reactions import Reactions
 from companion.flight.landing.interruptions.withdrawal import VehicleClassAnnouncer, Withdrawal
 from companion.flight.landing.landing_progress import LandingProgress
@@ -88,7 +93,7 @@ class Executive:
         self._fenced = fenced = FencedZones(p)
         self._soonest = soonest = SoonestZone(p, progress, fenced, endurance)
         self._ways = WaysOfPoint(p, route)
-        self.assist = Assist(p, texts, selection, soonest)
+        self.assist = Assist(p, progress, texts, selection, soonest)
         transitions = Transitions(p, progress, texts, route, selection, ownership, outage, wind, gps_loss)
         core = LandingCore(p, progress, texts, transitions)
         missing_inputs = MissingInputs(core, outage, gps_loss)
@@ -98,7 +103,7 @@ class Executive:
         self._descent = Descent(core, wind, gps_loss, without_gps)
         climb = Climb(core, route, missing_inputs)
         self._waiting = Waiting(core, auto, hand_over, wind, gps_loss)
-        withdrawal = Withdrawal(auto, progress, texts, transitions, hand_over)
+        self._withdrawal = withdrawal = Withdrawal(auto, progress, texts, transitions, hand_over)
         self.checks: dict[Phase, tuple[Check, ...]] = {
             Phase.IDLE: self._waiting.checks,
             Phase.LANDED: self._waiting.checks,
@@ -218,8 +223,7 @@ class Executive:
             tally.landed_enu_m = moved(tally.landed_enu_m)
         if aim.enu_m is not None:
             aim.set_target(moved(aim.on_ground_enu_m))
-        led = self.assist.aim
-        self.assist.change_frame(None if led.enu_m is None else moved(led.on_ground_enu_m))
+        self.assist.change_frame(moved)
 
     def on_refusal(self) -> None:
         """Begin nothing any more after the pilot was called for a refused mode."""
@@ -250,8 +254,10 @@ class Executive:
         """Return the commands with a target for landings of the autopilot's own; take some of them over."""
         target = self.assist.target(s, commanding=self.phase in COMMANDING)
         place = self.assist.place_to_take_over(s)
-        if place is not None:
-            self.orders.take_over_landing(s, place)
+        if place is not None and self.orders.take_over_landing(s, place).accepted:
+            self.assist.note_take_over(s)
+        if self.phase in COMMANDING and self.assist.is_taken_back(s):
+            return self._withdrawal.hands_off(Breach(Precondition.STICKS, Reaction.HANDS_OFF), s)
         return commands if commands.target_enu_m is not None else replace(commands, target_enu_m=target)
 
 

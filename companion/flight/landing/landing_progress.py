@@ -37,6 +37,8 @@ class LandingProgress:
         Order counter: incremented when an order is accepted, aborted or finished.
     tally
         Events so far, for the summary.
+    leads_own_landing
+        A landing of the autopilot's own follows our target.
     """
 
     phase: Phase = Phase.IDLE
@@ -54,6 +56,7 @@ class LandingProgress:
     level_since_ns: int | None = None
     order_count: int = 0
     tally: Tally = field(default_factory=Tally)
+    leads_own_landing: bool = False
 
     @property
     def is_urgent(self) -> bool:

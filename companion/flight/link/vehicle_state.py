@@ -25,7 +25,6 @@ Quaternion = tuple[float, float, float, float]
 
 # Height above home at which an armed vehicle certainly flies, if it does not report its landed state.
 AIRBORNE_M = 2.0
-SINKING_MS = 0.3  # down, of a vehicle that lands
 MOST_ALT_MM = 100_000_000  # no aircraft flies so high: the number is none
 # EXTENDED_SYS_STATE comes five times a second; without one so long, a VTOL may fly on its wing by now.
 VTOL_STATE_NS = 2_500_000_000
@@ -130,21 +129,11 @@ class VehicleState:
 
     @property
     def own_landing(self) -> LandingMode | None:
-        """The landing that the autopilot makes by itself now, None without one.
-
-        One that does not report the last part of a mode is taken to land while it sinks nearly straight down.
-        """
+        """The landing that the autopilot makes by itself now, None without one."""
         found = self.autopilot.own_landings.get(self.mode)
         if found is None or not self.armed or self.landed == "on_ground":
             return None
-        if not found.at_end or self.reported_landed == "landing":
-            return found
-        return None if self.autopilot.reports_landing or not self._sinks else found
-
-    @property
-    def _sinks(self) -> bool:
-        north_ms, east_ms, down_ms = self.velocity_ned_ms or (0.0, 0.0, 0.0)
-        return down_ms > SINKING_MS and math.hypot(north_ms, east_ms) < max(SINKING_MS, down_ms)
+        return found if not found.at_end or self.reported_landed == "landing" else None
 
     @property
     def no_command_reason(self) -> str:

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from companion.flight.landing.interruptions.crossing import is_clear_of
 from companion.flight.landing.situation import Situation, Vector
@@ -81,12 +82,11 @@ def nearest_place(
     )
     places = np.stack([east_m, north_m, around.ground_m[rows, cols]], axis=1)
     way_m, aside_m = np.hypot(*(places[:, :2] - start).T), np.hypot(*(places[:, :2] - here[:2]).T)
-    bearing = np.arctan2(east_m - start[0], north_m - start[1]) * (BEARINGS / (2 * np.pi))
-    free_m = free_way_m(s, around, start, parameters)[np.round(bearing).astype(np.intp) % BEARINGS]
-    height_m = here[2] - places[:, 2]
+    height_m = np.minimum(here[2] - places[:, 2], here[2] - around.ground_below_m(here))
     step_m = np.where(height_m >= LOW_M, np.inf, STEP_SHARE * height_m)
-    is_below = way_m <= around.cell_m
-    usable = (is_below | (way_m <= free_m)) & (aside_m <= step_m)  # false where the ground is unknown
+    usable = aside_m <= step_m  # false where the ground is unknown
+    for begin in (here[:2], start) if math.dist(here[:2], start) > around.cell_m else (here[:2],):
+        usable &= _is_free(s, around, begin, places, parameters)
     for refused in refused_enu_m:
         usable &= np.hypot(*(places[:, :2] - refused[:2]).T) > corridor_radius_m(parameters)
     if not s.fence.is_open:
@@ -105,6 +105,25 @@ def nearest_place(
                 east, north = (places[k] - here)[:2].tolist()
                 return LandingPlace(places[k], float(aside_m[k]), math.degrees(math.atan2(east, north)) % 360)
     return None
+
+
+def is_way_free(s: Situation, parameters: Parameters, place_enu_m: Vector) -> bool:
+    """Return whether the level way to one place is free of what the newest report shows."""
+    around = None if s.report is None else s.report.nearby
+    if around is None or s.position_enu_m is None:
+        return True
+    return bool(_is_free(s, around, s.position_enu_m[:2], place_enu_m[None], parameters)[0])
+
+
+def _is_free(
+    s: Situation, around: Nearby, begin_m: Vector, places: Vector, parameters: Parameters
+) -> NDArray[np.bool_]:
+    """Return whether the level way from a place (2,) to each of places (n, 3) is free, or they are below."""
+    offset = places[:, :2] - begin_m
+    way_m = np.hypot(*offset.T)
+    bearing = np.round(np.arctan2(offset[:, 0], offset[:, 1]) * (BEARINGS / (2 * np.pi))).astype(np.intp)
+    free_m = free_way_m(s, around, begin_m, parameters)[bearing % BEARINGS]
+    return np.asarray((way_m <= around.cell_m) | (way_m <= free_m))
 
 
 def stopping_place(position_enu_m: Vector, velocity_enu_ms: Vector) -> Vector:

@@ -44,6 +44,8 @@ class PositionJump:
             return
         if progress.phase in COMMANDING or self._assist.leads:
             self._shift(last, s)
+        else:
+            self._assist.forget()
         if progress.phase in (Phase.APPROACH, Phase.DESCEND, Phase.FINAL):
             progress.tally.chosen_enu_m = progress.aim.enu_m
             self._selection.select(progress.aim.enu_m)

@@ -91,6 +91,8 @@ class OrderAcceptance:
         """Select a point without flying to it."""
         if self._progress.phase in COMMANDING - {Phase.HOLD}:
             return Reply(False, "busy landing: abort first")
+        if self._progress.leads_own_landing:
+            return Reply(False, "the autopilot lands: set another mode first")
         self._selection.select(enu_m)
         self._progress.order_count += 1
         return Reply(True, "watching the point")

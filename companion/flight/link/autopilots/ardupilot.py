@@ -98,7 +98,6 @@ ARDUPILOT = Autopilot(
             ("RTL", "SMART_RTL", "AUTO_RTL", "AUTO"), LandingMode(at_end=True, switch="PLND_ENABLED")
         ),
     },
-    reports_landing=True,
     no_command_reason=_no_command_reason,
     plane_parameter="Q_ENABLE",  # of ArduPlane alone, whatever its value; Q_MAV_TYPE may pose as a multirotor
     parameter_file="arducopter.parm",

@@ -91,8 +91,8 @@ class ExternalPosition:
 class LandingMode:
     """Mode in which the autopilot lands by itself.
 
-    follows_target: whether LANDING_TARGET leads it there. at_end: it lands in its last part only. switch: the
-    parameter without which, at 0, it follows none.
+    follows_target: whether LANDING_TARGET leads it there. at_end: it lands in its last part only, which it
+    reports as MAV_LANDED_STATE_LANDING. switch: the parameter without which, at 0, it follows none.
     """
 
     follows_target: bool = True
@@ -135,8 +135,6 @@ class Autopilot:
         Names of the mode that follows our setpoints, and of the one that lands at our target.
     own_landings
         Modes in which it lands by itself, whoever set them.
-    reports_landing
-        Whether MAV_LANDED_STATE_LANDING is the last part of every mode that lands.
     no_command_reason
         From MAV_TYPE, MAV_VTOL_STATE or `VTOL_UNHEARD` (None before the first), and whether it has its
         `plane_parameter`, to the reason not to command such a vehicle, "" if it may be. Users may set the
@@ -190,7 +188,6 @@ class Autopilot:
     guided_mode: str | None = None
     landing_mode: str | None = None
     own_landings: Mapping[str, LandingMode] = field(default_factory=dict)
-    reports_landing: bool = False
     no_command_reason: Callable[[int, int | None, bool], str] = _nothing_commanded
     plane_parameter: str | None = None
 

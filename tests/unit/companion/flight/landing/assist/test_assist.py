@@ -218,7 +218,7 @@ def test_sticks_end_it_within_a_step_and_for_the_whole_landing() -> None:
 )
 def test_without_an_estimate_there_is_no_target(lost: dict[str, object], what: str) -> None:
     assert target(flying(EAST).having(**lost).run(0.2)) is None
-    flight = landing(EAST).having(**lost).run(0.2)
+    flight = landing(EAST).having(**lost).run(1.3)
     assert target(flight) is None
     assert f"SLZ: LAND: {what} lost, no longer led" in flight.texts
 
