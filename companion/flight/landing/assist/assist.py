@@ -177,7 +177,7 @@ class Assist:
             landing.watch_sticks(s, self._sticks_before)
 
     def _offer(self, landing: OwnLanding | None, s: Situation) -> None:
-        """Send the nearest place, or that of a landing which flies there level, as PX4's, while it is in reach."""
+        """Send the nearest place, or that of a landing that flies there level, as on PX4, while in reach."""
         if landing is not None:
             landing.is_led = False
         before = None if landing is None or not landing.told else self.aim.enu_m
