@@ -136,6 +136,15 @@ def test_a_radio_that_was_off_at_the_arming_is_not_missed() -> None:
     assert flight.mode == "AUTO.LOITER"
 
 
+def test_position_mode_without_a_transmitter_sinks() -> None:
+    flight = Px4Flight()
+    lost_radio(flight)
+    flight.run(1.5).take_off(6).until(lambda: flight.mode == "AUTO.LOITER").run(1)
+    assert flight.ask(Px4Mode.POSCTL) == ACCEPTED
+    before_m = flight.height_m
+    assert flight.run(4).height_m == pytest.approx(before_m - 2.8, abs=0.4)
+
+
 def test_a_lost_position_is_landed_without() -> None:
     flight = Px4Flight(3)
     flight.autopilot.aiding.lose_gps(0.0)

@@ -45,6 +45,19 @@ def test_a_target_lost_near_the_ground_is_landed_on() -> None:
     assert flight.states[-1] == "FINAL_APPROACH"
 
 
+def test_a_stream_that_ends_at_seven_metres_costs_a_climb() -> None:
+    """Measured on PX4 1.16: it sank to 3.5 m, climbed to 9.7 m and landed in place."""
+    flight = Px4Flight(9, MPC_Z_VEL_MAX_DN=1.5, MPC_Z_V_AUTO_UP=3)
+    flight.target = (0.1, 0.0)
+    precland(flight).below(7)
+    flight.target = None
+    flight.until(lambda: flight.states[-1] == "SEARCH")
+    assert min(flight.heights) == pytest.approx(3.5, abs=0.7)
+    before = len(flight.heights)
+    flight.land()
+    assert max(flight.heights[before:]) == pytest.approx(9.7, abs=0.4)
+
+
 def test_a_target_lost_above_is_searched_for_and_then_it_lands_in_place() -> None:
     flight = Px4Flight(6, PLD_BTOUT=1, PLD_SRCH_ALT=8, PLD_SRCH_TOUT=4)
     flight.target = (1.0, 0.0)
