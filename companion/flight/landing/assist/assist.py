@@ -91,6 +91,8 @@ class Assist:
         landing = self._landing
         if (commanding and s.lands_itself) or not (flies or self.leads):
             self._stop_leading(landing)
+        elif landing is not None and landing.is_led and not flies:
+            pass  # on the ground: the target stays until it is disarmed
         elif landing is not None and s.lands_itself and landing.is_led:
             self._lead(landing, s)
         elif self._p.assist == "off":

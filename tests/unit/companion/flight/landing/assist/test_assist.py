@@ -176,7 +176,9 @@ def test_a_jump_of_the_position_moves_the_target_with_it() -> None:
 
 
 def test_the_target_is_sent_without_a_pause_until_the_vehicle_is_disarmed() -> None:
-    flight = landing(EAST).run(30)
+    flight = landing(BELOW).run(30)
+    assert flight.position[2] == 0
+    flight.having(lands_itself=False).run(2)  # it stands, and reports no landing any more
     first = len(flight.commands)
     assert all(one.target_enu_m is not None for *_, one in flight.commands[20:first])
     flight.having(armed=False).step()
