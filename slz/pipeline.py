@@ -264,7 +264,12 @@ class Pipeline:
             and zone.best.surface.water <= p.water_suspicion
         )
         inside = zone_mask(usable, box)
-        return inside & (near.terrain.layer("certainty", box) >= p.min_certainty) if inside.any() else inside
+        rows, cols = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
+        if len(rows):
+            part = Box(int(rows[0]), int(rows[-1]) + 1, int(cols[0]), int(cols[-1]) + 1)
+            held = part.shifted(box.row0, box.col0)  # within the grid, as zones are
+            inside[part.slices] &= near.terrain.layer("certainty", held) >= p.min_certainty
+        return inside
 
     def _judge_selected(self, result: MethodResult) -> SelectedPoint | None:
         if self._selected is None:

@@ -71,6 +71,7 @@ def test_a_vehicle_set_up_for_us_is_healthy() -> None:
         "LAND_SPD_HIGH_MS",
         "WP_SPD_DN",
         "PLND_ORIENT",
+        "RTL_ALT_FINAL_M",
         "RNGFND1_MAX_CM",
     }
     assert files - others <= checks  # other versions have these
