@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from params import Parameters, rows
 from slz.default_method import DefaultMethod
 from slz.frame import LocalFrame, MapFrame, is_known
-from slz.grid import Box
+from slz.grid import Box, common, within
 from slz.landing_point.judgement import SelectedPoint, judge_point, unknown
 from slz.landing_point.local_heights import nearby
 from slz.lanes import timed
@@ -263,13 +263,11 @@ class Pipeline:
             and not zone.best.surface.must_be_confirmed(p.roof, p.vegetation)
             and zone.best.surface.water <= p.water_suspicion
         )
-        inside = zone_mask(usable, box)
-        rows, cols = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
-        if len(rows):
-            part = Box(int(rows[0]), int(rows[-1]) + 1, int(cols[0]), int(cols[-1]) + 1)
-            held = part.shifted(box.row0, box.col0)  # within the grid, as zones are
-            inside[part.slices] &= near.terrain.layer("certainty", held) >= p.min_certainty
-        return inside
+        landable, held = np.zeros(box.shape, bool), common(box, near.terrain.grid.everything)
+        if usable and not held.empty:
+            certain = near.terrain.layer("certainty", held) >= p.min_certainty
+            landable[within(held, box)] = zone_mask(usable, held) & certain
+        return landable
 
     def _judge_selected(self, result: MethodResult) -> SelectedPoint | None:
         if self._selected is None:
