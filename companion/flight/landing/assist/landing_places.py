@@ -30,6 +30,7 @@ ABOVE_M = 3.0  # a wire higher than this over the vehicle is not
 ROOM_WITHIN_M = 2.0  # farther than the nearest place, one with more room around it is better
 MOST_ROOM = 4  # blocks of landing places to every side, beyond which more room is no better
 LOW_M, STEP_SHARE = 5.0, 0.5  # below this height a target begins, or is moved, by this share of it at most
+SEEN_SHARE = 3.0  # of the height; a target farther aside is above the leaning vehicle's plane, and dropped
 BEARINGS = 360
 MOST_TRIED = 10  # of places about as far
 
@@ -83,7 +84,7 @@ def nearest_place(
     places = np.stack([east_m, north_m, around.ground_m[rows, cols]], axis=1)
     way_m, aside_m = np.hypot(*(places[:, :2] - start).T), np.hypot(*(places[:, :2] - here[:2]).T)
     height_m = np.minimum(here[2] - places[:, 2], here[2] - around.ground_below_m(here))
-    step_m = np.where(height_m >= LOW_M, np.inf, STEP_SHARE * height_m)
+    step_m = height_m * np.where(height_m >= LOW_M, SEEN_SHARE, STEP_SHARE)
     usable = aside_m <= step_m  # false where the ground is unknown
     for begin in (here[:2], start) if math.dist(here[:2], start) > around.cell_m else (here[:2],):
         usable &= _is_free(s, around, begin, places, parameters)

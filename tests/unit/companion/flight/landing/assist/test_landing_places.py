@@ -79,6 +79,13 @@ def test_near_the_ground_a_place_farther_aside_than_half_the_height_is_none() ->
     assert found(ground_around([near]), height_m=4.9) is not None
 
 
+def test_a_place_farther_aside_than_three_heights_is_none() -> None:
+    """ArduPilot drops a target above its own plane (target_vec_valid): from 5 m, 15 m away was flown."""
+    far: Area = (24.0, -2.0, 28.0, 2.0)
+    assert found(ground_around([far]), height_m=12.0) is not None
+    assert found(ground_around([far]), height_m=7.0) is None
+
+
 def test_a_fast_vehicle_takes_a_place_ahead() -> None:
     ahead, behind = (-3.0, 10.0, 3.0, 12.0), (-3.0, -8.0, 3.0, -6.0)
     fast, slow = (found(ground_around([ahead, behind]), velocity=(0.0, ms)) for ms in (7.0, 0.0))
