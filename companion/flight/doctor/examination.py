@@ -81,7 +81,7 @@ def grounded_findings(parameters: Parameters) -> list[Finding]:
 
 
 def assist_finding(parameters: Parameters) -> Finding:
-    """Tell whether the landings that the autopilot makes by itself are led to safe ground."""
+    """Return the setting of `SLZ_ASSIST` with its meaning; each is right."""
     meaning = {
         "off": "off: landings of the autopilot's own end where it puts them",
         "offer": "offer: landings of the autopilot's own get a safe target",
@@ -168,8 +168,8 @@ class Examination:
         except BaseExceptionGroup as errors:
             raise errors.exceptions[0] from None
         log.info("measuring this computer; the first time this compiles for some minutes")
-        # Last, because it loads the CPU.
         found.append(assist_finding(self.parameters))
+        # Last, because it loads the CPU.
         return [*found, *findings, *machine_findings(self.parameters, self.late_ms)]
 
     async def _autopilot(self, link: Link) -> list[Finding]:

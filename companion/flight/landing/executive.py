@@ -21,12 +21,7 @@ from companion.flight.landing.interruptions.late_abort import LateAbort
 from companion.flight.landing.interruptions.low_battery import LowBattery
 from companion.flight.landing.interruptions.missing_input import MissingInputs
 from companion.flight.landing.interruptions.position_jump import PositionJump
-from companion.flight.landing.interruptions.preconditions import (
-    Breach,
-    Precondition,
-    Preconditions,
-    Reaction,
-)
+from companion.flight.landing.interruptions.preconditions import Preconditions
 from companion.flight.landing.interruptions.reactions import Reactions
 from companion.flight.landing.interruptions.withdrawal import VehicleClassAnnouncer, Withdrawal
 from companion.flight.landing.landing_progress import LandingProgress
@@ -103,7 +98,7 @@ class Executive:
         self._descent = Descent(core, wind, gps_loss, without_gps)
         climb = Climb(core, route, missing_inputs)
         self._waiting = Waiting(core, auto, hand_over, wind, gps_loss)
-        self._withdrawal = withdrawal = Withdrawal(auto, progress, texts, transitions, hand_over)
+        withdrawal = Withdrawal(auto, progress, texts, transitions, hand_over)
         self.checks: dict[Phase, tuple[Check, ...]] = {
             Phase.IDLE: self._waiting.checks,
             Phase.LANDED: self._waiting.checks,
@@ -255,9 +250,7 @@ class Executive:
         target = self.assist.target(s, commanding=self.phase in COMMANDING)
         place = self.assist.place_to_take_over(s)
         if place is not None and self.orders.take_over_landing(s, place).accepted:
-            self.assist.note_take_over(s)
-        if self.phase in COMMANDING and self.assist.is_taken_back(s):
-            return self._withdrawal.hands_off(Breach(Precondition.STICKS, Reaction.HANDS_OFF), s)
+            self.assist.has_acted = True
         return commands if commands.target_enu_m is not None else replace(commands, target_enu_m=target)
 
 

@@ -39,6 +39,8 @@ class LandingProgress:
         Events so far, for the summary.
     leads_own_landing
         A landing of the autopilot's own follows our target.
+    is_taken_over
+        The landing under way was the autopilot's own: nobody ordered it, and a stick ends it.
     """
 
     phase: Phase = Phase.IDLE
@@ -57,6 +59,7 @@ class LandingProgress:
     order_count: int = 0
     tally: Tally = field(default_factory=Tally)
     leads_own_landing: bool = False
+    is_taken_over: bool = False
 
     @property
     def is_urgent(self) -> bool:

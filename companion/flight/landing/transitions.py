@@ -62,10 +62,10 @@ class Transitions:
         progress.level_since_ns = None
         self._route.unblocked()
 
-    def begin_request(self, request: LandingRequest, s: Situation) -> None:
-        """Begin a requested landing."""
+    def begin_request(self, request: LandingRequest, s: Situation, *, taken_over: bool = False) -> None:
+        """Begin a requested landing, or one taken over from the autopilot."""
         progress = self._progress
-        progress.request, progress.started_ns = request, s.now_ns
+        progress.request, progress.started_ns, progress.is_taken_over = request, s.now_ns, taken_over
         progress.refused.clear()
         progress.keeps_request, progress.n_given = False, 0
         self.start_survey(s)

@@ -32,6 +32,7 @@ SOURCES = (
     "companion/flight/dashboard/viewer.py",
     "companion/desk/replay/replay_page.py",
     "companion/flight/landing/assist/assist.py",
+    "companion/flight/landing/assist/own_landing.py",
     "companion/flight/landing/looks/closer_look.py",
     "companion/flight/landing/looks/oblique_look.py",
     "companion/flight/landing/interruptions/crossing.py",
@@ -124,7 +125,7 @@ def _in_functions(tree: ast.AST) -> Iterator[tuple[str, str]]:
         if isinstance(node, ast.ClassDef) and node.name in ("MissingInput", "KeyMismatch"):
             members = (ast.literal_eval(part.value) for part in node.body if isinstance(part, ast.Assign))
             yield from ((m if isinstance(m, str) else " ".join(m), "") for m in members)
-        if isinstance(node, ast.FunctionDef) and node.name in ("update", "objection"):
+        if isinstance(node, ast.FunctionDef) and node.name in ("update", "objection", "why_not_led"):
             for part in ast.walk(node):
                 if isinstance(part, ast.Return) and part.value is not None:
                     yield from _returned(part.value)

@@ -61,8 +61,8 @@ export class Bar {
     this._set("battery", shown(s.battery_pct, 0, "%"), s.battery_low);
     this._set("wind", windWords(s.wind), Boolean(s.wind) && s.wind.gust_ms > (this._model.health?.parameters?.max_wind_ms ?? Infinity));
     this._set("distance", shown(away, 0, "m"));
-    this._set("here", s.here || "–", s.here?.startsWith("none"));
-    setText(this._cells.here.label, s.assist && s.assist !== "off" ? "Landing here, led" : "Landing here");
+    this._set("here", s.here || "–", s.here?.startsWith("no"));
+    setText(this._cells.here.label, s.assist && s.assist !== "off" ? `Landing here (${s.assist})` : "Landing here");
     const past = this._model.isPast("verdict");
     setText(this._cells.latency.label, past ? "Last report" : "Ground age");
     this._set("latency", past ? this._model.since("verdict") : shown(this._model.zones?.latency_ms, 0, "ms"), past && !s.on_ground);

@@ -22,12 +22,12 @@ from companion.flight.landing.assist.landing_places import (
     is_way_free,
     nearest_place,
 )
-from companion.flight.landing.assist.own_landing import SECOND, AssistTally, OwnLanding
+from companion.flight.landing.assist.own_landing import SECOND, AssistTally, OwnLanding, lost_of, why_not_led
 from companion.flight.landing.landing_progress import LandingProgress
 from companion.flight.landing.orders.confirmation import must_be_confirmed
 from companion.flight.landing.pilot_texts import PilotTexts
-from companion.flight.landing.situation import MissingInput, Severity, Situation, Vector, known
-from companion.flight.landing.sticks import Pulses, are_moved
+from companion.flight.landing.situation import Severity, Situation, Vector, known
+from companion.flight.landing.sticks import StickWatch
 from companion.flight.landing.ways.endurance import is_battery_low
 from companion.flight.landing.zone_choice import SoonestZone
 from params import Parameters
@@ -52,6 +52,8 @@ class Assist:
         Place of the target, while there is one.
     tally
         Events so far.
+    has_acted
+        Whether slz took a landing of this flight over, which it does once.
     """
 
     def __init__(
@@ -69,10 +71,9 @@ class Assist:
         self._place: LandingPlace | None = None
         self._report: Report | None = None
         self._landing: OwnLanding | None = None  # of the present mode
-        self._sticks_before: Pulses | None = None
+        self._sticks = StickWatch()
         self._selected_ns = 0
-        self._acted_ns: int | None = None  # when slz took a landing of this flight over
-        self._acted_rest_us: Pulses | None = None
+        self.has_acted = False
 
     @property
     def leads(self) -> bool:
@@ -86,7 +87,7 @@ class Assist:
         """
         flies = s.connected and s.armed and s.on_ground is False
         self.now = self._look(s) if flies else None
-        self._acted_ns = self._acted_ns if s.armed else None
+        self.has_acted = self.has_acted and s.armed
         self._follow_mode(s)
         landing = self._landing
         if (commanding and s.lands_itself) or not (flies or self.leads):
@@ -108,7 +109,7 @@ class Assist:
     def place_to_take_over(self, s: Situation) -> Vector | None:
         """Return the place (3,) to which slz shall lead a landing that takes no target, None for none."""
         landing, place = self._landing, self._place
-        if self._p.assist != "act" or self._acted_ns is not None or landing is None or place is None:
+        if self._p.assist != "act" or self.has_acted or landing is None or place is None:
             return None
         takes_none = s.lands_itself and not s.follows_target and not landing.has_moved_sticks
         height_m = 0.0 if s.position_enu_m is None else float(s.position_enu_m[2] - place.enu_m[2])
@@ -116,16 +117,6 @@ class Assist:
         is_near = self.now is not None and self.now.here is Here.NEAR
         fits = takes_none and good and is_near and height_m >= LOW_M and s.lidar_ok and not lost_of(s)
         return place.enu_m if fits else None
-
-    def note_take_over(self, s: Situation) -> None:
-        """Note that slz takes this landing over: once in a flight, and until the pilot moves the sticks."""
-        self._acted_ns, self._acted_rest_us = s.now_ns, s.sticks_us
-
-    def is_taken_back(self, s: Situation) -> bool:
-        """Return whether the pilot moves the sticks in a landing that slz took over."""
-        is_ours = self._acted_ns is not None and self._progress.started_ns == self._acted_ns
-        self._acted_rest_us = self._acted_rest_us or s.sticks_us
-        return is_ours and are_moved(s.sticks_us, self._acted_rest_us)
 
     def forget(self) -> None:
         """Forget places: the position estimate jumped, or a new map begins."""
@@ -152,7 +143,7 @@ class Assist:
         """Find the nearest place anew, once per report, and return what it means."""
         if not s.lidar_ok:
             self._report = self._place = None
-            return LandingHere()
+            return LandingHere(Here.UNKNOWN)
         if s.report is self._report and self.now is not None:
             return self.now
         self._report, landing = s.report, self._landing
@@ -174,9 +165,10 @@ class Assist:
         if s.lands_itself and landing is None:
             self._landing = landing = OwnLanding(s.mode, s.now_ns)
         if not s.lands_itself:
-            self._sticks_before = s.sticks_us
-        elif landing is not None:
-            landing.watch_sticks(s, self._sticks_before)
+            self._sticks.note_rest(s.sticks_us)
+        elif landing is not None and self._sticks.are_moved(s.sticks_us):
+            # In a failsafe they may be those of a receiver that hears nobody; the autopilot drops its target.
+            landing.has_moved_sticks |= not s.failsafe
 
     def _offer(self, landing: OwnLanding | None, s: Situation) -> None:
         """Send the nearest place, or that of a landing that flies there level, as on PX4, while in reach."""
@@ -204,29 +196,17 @@ class Assist:
             elif landing.is_new(f"{place.enu_m.round()}"):
                 self._texts.say(Severity.NOTICE, f"{s.mode}: led {now.way} to safe ground")
             return
-        elif landing.is_new("why not") and not self._tell_why_not(s, s.now_ns - landing.since_ns):
-            landing.told.discard("why not")
+        else:
+            self._tell_why_not(landing, s)
         self._drop_target()
 
-    def _tell_why_not(self, s: Situation, lasts_ns: int) -> bool:
-        """Say why a landing is not led, and return whether it was said; a map that begins is waited for."""
-        say, now, lost = self._texts.say, self.now or LandingHere(), lost_of(s)
-        if not lost and not s.lidar_ok:
-            if lasts_ns < MAP_NS:
-                return False
-            lost = s.no_map_reason.text
-        if lost:
-            say(Severity.CRITICAL, f"{s.mode}: {lost}, not led")
-        elif now.here is Here.SAFE:
-            say(Severity.NOTICE, f"{s.mode}: safe below, takes no target")
-        elif now.here is Here.NEAR:
-            say(Severity.CRITICAL, f"{s.mode}: safe is {now.way}, takes no target")
-        elif now.way:
-            say(Severity.CRITICAL, f"{s.mode}: nothing safe, nearest {now.way}")
-        else:
-            say(Severity.CRITICAL, f"{s.mode}: nothing safe in reach")
-        self.tally.unled.append(lost or now.here.value)
-        return True
+    def _tell_why_not(self, landing: OwnLanding, s: Situation) -> None:
+        """Say once why a landing is not led; a map that has just begun is waited for."""
+        begins = not s.lidar_ok and not lost_of(s) and s.now_ns - landing.since_ns < MAP_NS
+        if not begins and landing.is_new("why not"):
+            severity, text = why_not_led(s, self.now or LandingHere())
+            self._texts.say(severity, f"{s.mode}: {text}")
+            self.tally.unled.append(text)
 
     def _lead(self, landing: OwnLanding, s: Situation) -> None:
         """Keep the target, or move it where its place or way is unsafe and another one is near."""
@@ -317,12 +297,3 @@ class Assist:
     def _drop_target(self) -> None:
         if self.aim.enu_m is not None:
             self.aim = Aim()
-
-
-def lost_of(s: Situation) -> str:
-    """Return what is lost without which a target would lead anywhere, "" where nothing is."""
-    if s.estimate_lost:
-        return f"{s.estimate_lost} lost"
-    if s.position_enu_m is None or s.velocity_enu_ms is None:
-        return MissingInput.POSITION_LOST.text
-    return "GPS lost" if s.gps_lost and s.tracked is not True else ""

@@ -1,23 +1,24 @@
-"""What a landing here and now would find, in words for the pilot."""
+"""Nearest safe place of a landing at this moment, in words and numbers for the pilot."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import Enum
+from enum import StrEnum
 from typing import Self
 
 from companion.flight.landing.situation import Vector
 
-WINDS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
+COMPASS = ("N", "NE", "E", "SE", "S", "SW", "W", "NW")
 
 
-class Here(Enum):
-    """Kinds of what a landing now would find."""
+class Here(StrEnum):
+    """Outcomes of a landing at this moment: safe below, a place near, none, or no map to say."""
 
     SAFE = "safe"
     NEAR = "near"
     NONE = "none within reach"
+    UNKNOWN = "no map"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,22 +37,22 @@ class LandingHere:
 
     @property
     def number_m(self) -> float:
-        """Distance: 0 where the ground below is safe, -1 where nothing is within reach."""
-        return {Here.SAFE: 0.0, Here.NEAR: self.away_m, Here.NONE: -1.0}[self.here]
+        """Distance: 0 where it is safe below, -1 where nothing is within reach, NaN without a map."""
+        return {Here.SAFE: 0.0, Here.NEAR: self.away_m, Here.NONE: -1.0, Here.UNKNOWN: math.nan}[self.here]
 
     @property
     def way(self) -> str:
         """Distance and direction in words, "" without a place."""
-        where = WINDS[0 if math.isnan(self.bearing_deg) else round(self.bearing_deg / 45) % 8]
+        where = COMPASS[0 if math.isnan(self.bearing_deg) else round(self.bearing_deg / 45) % 8]
         return "" if math.isnan(self.away_m) else f"{self.away_m:.0f} m {where}"
 
     @property
     def text(self) -> str:
         """Text for the pilot."""
         match self.here:
-            case Here.SAFE:
-                return "safe"
             case Here.NEAR:
                 return f"{self.way}, free way"
-            case Here.NONE:
-                return "none within reach" + (f", nearest {self.way}" if self.way else "")
+            case Here.NONE if self.way:
+                return f"{self.here.value}, nearest {self.way}"
+            case _:
+                return self.here.value

@@ -1,11 +1,11 @@
-"""Memory of a landing of the autopilot's own: what was said, refused and moved, as long as its mode lasts."""
+"""Memory of a landing of the autopilot's own, as long as its mode lasts, and the reason why it is not led."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from companion.flight.landing.situation import Situation, Vector
-from companion.flight.landing.sticks import Pulses, are_moved
+from companion.flight.landing.assist.landing_here import Here, LandingHere
+from companion.flight.landing.situation import MissingInput, Severity, Situation, Vector
 
 SECOND = 1_000_000_000
 
@@ -39,7 +39,6 @@ class OwnLanding:
     refused: list[Vector] = field(default_factory=list)
     has_moved_sticks: bool = False
     lasting: dict[str, int] = field(default_factory=dict)
-    _rest_us: Pulses | None = None
 
     def is_new(self, text: str) -> bool:
         """Return whether a text was not said yet in this landing, and note that it is."""
@@ -54,11 +53,23 @@ class OwnLanding:
             return -1
         return now_ns - self.lasting.setdefault(name, now_ns)
 
-    def watch_sticks(self, s: Situation, before_us: Pulses | None) -> None:
-        """Notice roll or pitch away from before the landing.
 
-        In a failsafe they may be those of a receiver that hears nobody; the autopilot drops its target.
-        """
-        if self._rest_us is None:
-            self._rest_us = before_us or s.sticks_us
-        self.has_moved_sticks |= not s.failsafe and are_moved(s.sticks_us, self._rest_us)
+def lost_of(s: Situation) -> str:
+    """Return the input that is lost without which a target would lead anywhere, "" without a loss."""
+    if s.estimate_lost:
+        return f"{s.estimate_lost} lost"
+    if s.position_enu_m is None or s.velocity_enu_ms is None:
+        return MissingInput.POSITION_LOST.text
+    return "GPS lost" if s.gps_lost and s.tracked is not True else ""
+
+
+def why_not_led(s: Situation, now: LandingHere) -> tuple[Severity, str]:
+    """Return severity and reason why a landing has no target: a loss, no map, no place, or a deaf mode."""
+    missing = lost_of(s) or ("" if s.lidar_ok else s.no_map_reason.text)
+    if missing:
+        return Severity.CRITICAL, f"{missing}, not led"
+    if now.here is Here.SAFE:
+        return Severity.NOTICE, "safe below, takes no target"
+    if now.here is Here.NEAR:
+        return Severity.CRITICAL, f"safe is {now.way}, takes no target"
+    return Severity.CRITICAL, f"nothing safe, nearest {now.way}" if now.way else "nothing safe in reach"

@@ -13,7 +13,7 @@ from companion.flight.landing.landing_progress import LandingProgress
 from companion.flight.landing.orders.mode_ownership import ModeOwnership
 from companion.flight.landing.outage import GpsLoss
 from companion.flight.landing.situation import Phase, Situation
-from companion.flight.landing.sticks import are_moved
+from companion.flight.landing.sticks import StickWatch
 from companion.flight.landing.wind.landing_wind import LandingWind
 from params import Parameters
 
@@ -145,7 +145,8 @@ class Preconditions:
         self._ownership, self._wind, self._gps_loss = ownership, wind, gps_loss
         self._since_ns: dict[Precondition, int] = {}
         self._reported_ns: dict[Precondition, int] = {}
-        self._rest_us: tuple[int, int] | None = None  # stick positions before the autopilot's landing
+        self._sticks = StickWatch()
+        self._started_ns = 0  # when the landing under way began
         self._landing_since_ns: int | None = None
         self._stage: Stage | None = None
         self._following = VelocityFollowing()
@@ -175,6 +176,8 @@ class Preconditions:
             reaction = TABLE[precondition][stage]
             if precondition is Precondition.MODE and (s.failsafe or s.breached):
                 reaction = Reaction.STAND_BACK
+            if precondition is Precondition.STICKS and self._progress.is_taken_over:
+                reaction = Reaction.HANDS_OFF
             is_new = reaction not in REPORTED or self._must_report(precondition, s.now_ns)
             if reaction in (Reaction.CALL, Reaction.TELL) and not is_new:
                 continue
@@ -196,8 +199,10 @@ class Preconditions:
             self._landing_since_ns = None
         elif self._landing_since_ns is None:
             self._landing_since_ns = s.now_ns
-        if not landing or self._rest_us is None:
-            self._rest_us = s.sticks_us
+        progress = self._progress
+        if not landing and not (progress.is_taken_over and progress.started_ns == self._started_ns):
+            self._sticks.note_rest(s.sticks_us)
+        self._started_ns = progress.started_ns
         if stage is Stage.CLIMB and stage is not self._stage:
             self._following.restart()
         if stage is not self._stage and not (landing and self._stage in LANDING):
@@ -224,7 +229,7 @@ class Preconditions:
             broken[Precondition.GLITCH] = ""
         if s.gps_drift_m > MOST_DRIFT_M:
             broken[Precondition.DRIFT] = ""
-        if are_moved(s.sticks_us, self._rest_us):
+        if self._sticks.are_moved(s.sticks_us):
             broken[Precondition.STICKS] = ""
         since_ns, lost_ns = self._landing_since_ns, s.target_lost_ns
         if since_ns is not None and lost_ns is not None and lost_ns > since_ns:

@@ -85,7 +85,7 @@ class OrderAcceptance:
         if refusal is not None:
             return refusal
         self._ownership.on_leave_request(situation)
-        return self._start(situation, LandingRequest(enu_m, urgent=True))
+        return self._start(situation, LandingRequest(enu_m, urgent=True), taken_over=True)
 
     def select_point(self, enu_m: Vector) -> Reply:
         """Select a point without flying to it."""
@@ -150,8 +150,8 @@ class OrderAcceptance:
             return True
         return self._confirmation.is_given(ground, s.now_ns)
 
-    def _start(self, s: Situation, request: LandingRequest) -> Reply:
-        self._transitions.begin_request(request, s)
+    def _start(self, s: Situation, request: LandingRequest, *, taken_over: bool = False) -> Reply:
+        self._transitions.begin_request(request, s, taken_over=taken_over)
         self._transitions.end_survey(s)
         return Reply(True, "landing")
 

@@ -117,6 +117,12 @@ def test_where_nothing_is_in_reach_the_nearest_zone_is_named() -> None:
     assert LandingHere().text == "none within reach"
 
 
+def test_without_a_map_it_says_so_and_not_that_nothing_is_safe() -> None:
+    now = here(flying(BELOW).having(lidar_ok=False).run(0.2))
+    assert now.text == "no map"
+    assert np.isnan(now.number_m)
+
+
 def test_on_the_ground_nothing_is_said_of_a_landing() -> None:
     assert flying(BELOW).having(armed=False).run(0.2).executive.assist.now is None
 
