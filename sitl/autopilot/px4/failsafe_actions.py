@@ -24,7 +24,7 @@ class Action(IntEnum):
 
 
 class Takeover(IntEnum):
-    """What lets the pilot interrupt an action; of several, the last in this order is needed."""
+    """Means by which the pilot interrupts an action; of several, the last in this order is needed."""
 
     ALWAYS = 0
     MODE_SWITCH = 1
@@ -33,7 +33,7 @@ class Takeover(IntEnum):
 
 
 class Clear(Enum):
-    """When an action ends: with its cause, or after its cause by a change of mode or a disarm."""
+    """End of an action: with its cause, or after its cause by a change of mode or a disarm."""
 
     WITH_CAUSE = auto()
     ON_MODE_CHANGE = auto()

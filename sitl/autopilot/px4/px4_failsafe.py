@@ -60,7 +60,7 @@ class BatteryWarning(IntEnum):
 
 
 class Px4View(AutopilotView, Protocol):
-    """What the parts of PX4 use of it besides."""
+    """Members that only the parts of PX4 use."""
 
     intended: Px4Mode
 
