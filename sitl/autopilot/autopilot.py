@@ -309,19 +309,23 @@ class Autopilot:
         """
         self._silent_until_ns = self._now_ns + round(silent_s * 1e9)
         self.boot_offset_ns = -self._now_ns
+        self.rangefinder = None
+        self._outgoing.clear()
+        self._lose_state()
+        self.aiding.restart()
+        self.wind.restart()
+        if self.estimate is not None:
+            self.navigator.enter(self.mode, self.estimate)
+
+    def _lose_state(self) -> None:
+        """Lose what a reboot loses; the items of the fence are stored for good."""
         self.precland = PrecisionLanding()
         self.navigator.landing.replace_precland(self.precland)
         self.proximity = Proximity()
-        items = self.failsafes.fence.items  # stored for good
+        items = self.failsafes.fence.items
         self.failsafes = Failsafes(self)
         self.failsafes.fence.items = items
-        self.rangefinder = None
-        self.aiding.restart()
-        self.wind.restart()
         self.telemetry.restart()
-        self._outgoing.clear()
-        if self.estimate is not None:
-            self.navigator.enter(self.mode, self.estimate)
 
     def follow_reset(self, jump_enu_m: F64) -> None:
         """Move every target with a reset of the position estimate, so that the vehicle keeps its place."""

@@ -143,19 +143,10 @@ class Px4Autopilot(Autopilot):
         """Move the setpoint with a reset of the position estimate; a target stays where it was sent."""
         self.navigator.move(jump_enu_m)
 
-    def reboot(self, silent_s: float) -> None:
-        """Restart in flight, armed and in the same mode; all other state is lost, see `Autopilot.reboot`."""
-        self._silent_until_ns = self._now_ns + round(silent_s * 1e9)
-        self.boot_offset_ns = -self._now_ns
-        home, items = self.navigator.home_enu_m, self.failsafes.fence.items
-        intended, self.rangefinder = self.intended, None
-        self._outgoing.clear()
+    def _lose_state(self) -> None:
+        home, items, intended = self.navigator.home_enu_m, self.failsafes.fence.items, self.intended
         self._compose()
         self.navigator.home_enu_m, self.failsafes.fence.items, self.intended = home, items, intended
-        self.aiding.restart()
-        self.wind.restart()
-        if self.estimate is not None:
-            self.navigator.enter(self.mode, self.estimate)
 
     # ---- control ------------------------------------------------------------------------------------
 

@@ -7,14 +7,14 @@ commanded nothing. Wind is off; all touchdowns are within 0.1 m of the target th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.modes import Mode
+from tests.unit.sitl.autopilot.targeted_flight import Place, TargetedFlight
 from tests.unit.sitl.bench_flight import Bench
 
 ON_M = 0.1
@@ -24,17 +24,14 @@ FOUND, COMPLETE, LOST = "PrecLand: Target Found", "PrecLand: Init Complete", "Pr
 MEASURES, RETRYING = "PrecLand: Failsafe Measures", "PrecLand: Retrying"
 QUICK = {"WPNAV_SPEED": 1000.0, "WPNAV_SPEED_UP": 500.0, "WPNAV_SPEED_DN": 250.0, "LAND_SPEED": 100.0}
 MEASURED = {"LAND_SPEED": 50.0, "WPNAV_SPEED_UP": 250.0}
-Place = tuple[float, float]
 
 
-class Flight:
+class Flight(TargetedFlight):
     """Vehicle in GUIDED with a rangefinder, and a target (east, north) that is streamed while it is set."""
 
     def __init__(self, height_m: float, east_m: float = 0.0, **parameters: float) -> None:
-        self.bench = Bench(wind_ms=0.0)
+        super().__init__(Bench(wind_ms=0.0))
         self.bench.autopilot.parameters.update(QUICK | parameters)
-        self.target: Place | None = None
-        self.heights: list[float] = []
         self.speeds: list[float] = []
         self.tilts: list[float] = []
         self.bench.run(5.1)
@@ -61,24 +58,7 @@ class Flight:
             del record[:]
         return self.command(mavlink.MAV_CMD_DO_SET_MODE, 1, mode)
 
-    def run(self, seconds: float) -> Flight:
-        self.bench.run(seconds, self._tell)
-        return self
-
-    def until(self, reached: Callable[[], bool], most_s: float = 90.0) -> Flight:
-        end_ns = self.bench.now_ns + most_s * 1e9
-        while not reached() and self.bench.now_ns < end_ns:
-            self.run(0.05)
-        assert reached()
-        return self
-
-    def below(self, height_m: float) -> Flight:
-        return self.until(lambda: self.height_m < height_m)
-
-    def land(self) -> Flight:
-        return self.until(lambda: self.bench.vehicle.contact is not None)
-
-    def _tell(self) -> None:
+    def tell(self) -> None:
         truth = self.bench.truth
         range_cm = max(0, int(self.height_m * 100))
         self.bench.tell(mavlink.MAVLink_distance_sensor_message(0, 10, 7000, range_cm, 0, 0, 25, 0))
@@ -88,35 +68,6 @@ class Flight:
         self.heights.append(self.height_m)
         self.speeds.append(float(np.hypot(*truth.vel_enu_ms[:2])))
         self.tilts.append(math.degrees(math.acos(1 - 2 * (x * x + y * y))))
-
-    @property
-    def height_m(self) -> float:
-        return float(self.bench.truth.pos_enu_m[2])
-
-    @property
-    def mode(self) -> str:
-        return self.bench.autopilot.mode_name
-
-    def away_m(self, place: Place) -> float:
-        return math.dist(self.bench.truth.pos_enu_m[:2], place)
-
-    def off_m(self, place: Place | None = None) -> float:
-        """Return the distance of the touchdown from a place, the target by default."""
-        contact, place = self.bench.vehicle.contact, place or self.target
-        assert contact is not None
-        assert place is not None
-        return math.dist((contact["e"], contact["n"]), place)
-
-    def texts(self) -> list[str]:
-        return [m.text for m in self._sent("STATUSTEXT")]
-
-    def states(self) -> list[int]:
-        """Return the landed states in the order in which they were reported, repetitions left out."""
-        states = [int(m.landed_state) for m in self._sent("EXTENDED_SYS_STATE")]
-        return [state for at, state in enumerate(states) if at == 0 or state != states[at - 1]]
-
-    def _sent(self, name: str) -> Iterable[Any]:
-        return (m for m in self.bench.sent if m.get_type() == name)
 
 
 # ---- LAND -----------------------------------------------------------------------------------------
@@ -131,7 +82,7 @@ def test_land_flies_to_a_target_however_far_away_it_is(away_m: float, fastest_ms
     assert flight.off_m() < ON_M
     assert max(flight.speeds) == pytest.approx(fastest_ms, rel=SPEED_SHARE)
     assert 15 < max(flight.tilts) < 30
-    assert flight.states() == [IN_AIR, LANDING] or flight.states() == [LANDING]
+    assert flight.landed_states() == [IN_AIR, LANDING] or flight.landed_states() == [LANDING]
     assert LOST not in flight.texts()
 
 
@@ -239,7 +190,7 @@ def test_a_stick_ends_a_precision_landing_unless_it_may_go_on(options: int, retu
 def test_a_stream_pulls_no_other_mode(mode: Mode) -> None:
     flight = Flight(5).offer(4).enter(mode).run(5)
     assert flight.away_m((0, 0)) < 0.1
-    assert flight.states() == [IN_AIR]
+    assert flight.landed_states() == [IN_AIR]
 
 
 # ---- RTL and SMART_RTL ----------------------------------------------------------------------------
@@ -251,13 +202,13 @@ def test_a_return_lands_on_a_target_beside_home(mode: Mode, offered_below_m: flo
     flight = Flight(5, 15, RTL_ALT=700, RTL_LOIT_TIME=1000)
     if offered_below_m > 20:
         flight.offer(0, 5)
-    flight.enter(mode).until(lambda: LANDING in flight.states() or flight.away_m((0, 0)) < 0.5)
+    flight.enter(mode).until(lambda: LANDING in flight.landed_states() or flight.away_m((0, 0)) < 0.5)
     assert max(flight.heights) < 8  # no pull on the way
-    flight.until(lambda: LANDING in flight.states())
+    flight.until(lambda: LANDING in flight.landed_states())
     assert flight.away_m((0, 0)) < 1.5  # no pull in the loiter stage
     flight.below(offered_below_m).offer(0, 5)
     assert flight.land().off_m() < ON_M
-    assert flight.states() == [IN_AIR, LANDING]
+    assert flight.landed_states() == [IN_AIR, LANDING]
 
 
 def test_rtl_loiters_above_home_before_it_lands() -> None:
@@ -274,14 +225,14 @@ def test_rtl_with_a_final_altitude_uses_no_target_and_does_not_land() -> None:
     flight.offer(0, 5).enter(Mode.RTL).run(14)
     assert flight.away_m((0, 0)) < 0.2
     assert flight.height_m == pytest.approx(3, abs=0.3)
-    assert flight.states() == [IN_AIR]
+    assert flight.landed_states() == [IN_AIR]
 
 
 def test_smart_rtl_flies_the_path_back() -> None:
     flight = Flight(4, 12)
     flight.bench.autopilot.navigator.guided.position_enu_m = np.array([12.0, 9.0, 4.0])
     flight.run(6).enter(Mode.SMART_RTL).until(lambda: flight.away_m((12, 0)) < 1.5)
-    assert flight.until(lambda: LANDING in flight.states()).away_m((0, 0)) < 1.0
+    assert flight.until(lambda: LANDING in flight.landed_states()).away_m((0, 0)) < 1.0
     assert flight.height_m > 1.5
 
 
@@ -397,9 +348,9 @@ def test_a_mission_ends_on_a_target_beside_its_landing(land_at: Place | None) ->
     )
     flight.offer(6, 3).command(mavlink.MAV_CMD_MISSION_START)
     flight.until(lambda: flight.away_m((6, 0)) < 1.0)  # the target pulls no cruise
-    assert LANDING not in flight.states()
+    assert LANDING not in flight.landed_states()
     assert flight.land().off_m() < ON_M
-    assert flight.states()[-2:] == [IN_AIR, LANDING]
+    assert flight.landed_states()[-2:] == [IN_AIR, LANDING]
     assert not flight.run(4).bench.autopilot.armed
 
 
@@ -415,7 +366,7 @@ def test_a_mission_takes_off_from_the_ground_and_ends_in_a_return() -> None:
     flight.bench.autopilot.parameters.update({"RTL_ALT": 300, "RTL_LOIT_TIME": 0})
     flight.enter(Mode.GUIDED).command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
     flight.command(mavlink.MAV_CMD_MISSION_START).until(lambda: "Reached command #2" in flight.texts())
-    assert mavlink.MAV_LANDED_STATE_TAKEOFF in flight.states()
+    assert mavlink.MAV_LANDED_STATE_TAKEOFF in flight.landed_states()
     flight.until(lambda: not flight.bench.autopilot.armed)
     assert flight.away_m((0, 0)) < 0.3
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.px4.px4_autopilot import Px4Autopilot
 from sitl.autopilot.px4.px4_modes import Px4Mode
+from tests.unit.sitl.autopilot.targeted_flight import TargetedFlight
 from tests.unit.sitl.bench_flight import ORIGIN, Bench
 
 ACCEPTED, REJECTED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_TEMPORARILY_REJECTED
@@ -18,10 +18,9 @@ NAN = math.nan
 LOCAL_NED, BODY_FRD = mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_BODY_FRD
 VELOCITY = 0b110111000111
 QUICK = {"MPC_XY_CRUISE": 8.0, "MPC_Z_VEL_MAX_DN": 2.5, "MPC_Z_V_AUTO_UP": 5.0, "MPC_TKO_SPEED": 5.0}
-Place = tuple[float, float]
 
 
-class Px4Flight:
+class Px4Flight(TargetedFlight):
     """Vehicle that holds at a height over home (0, 0), with a ground station.
 
     Attributes
@@ -33,14 +32,12 @@ class Px4Flight:
     """
 
     def __init__(self, height_m: float = 0.0, east_m: float = 0.0, **parameters: float) -> None:
-        self.bench = Bench(wind_ms=0.0, autopilot=Px4Autopilot)
+        super().__init__(Bench(wind_ms=0.0, autopilot=Px4Autopilot))
         assert isinstance(self.bench.autopilot, Px4Autopilot)
         self.autopilot = self.bench.autopilot
         self.autopilot.parameters.update(QUICK | parameters)
-        self.target: Place | None = None
         self.velocity: tuple[float, float, float] | None = None
         self.has_station = True
-        self.heights: list[float] = []
         self.states: list[str] = []
         self.run(5.2)
         if height_m:
@@ -80,26 +77,9 @@ class Px4Flight:
         assert self.command(mavlink.MAV_CMD_DO_REPOSITION, *values) == ACCEPTED
         return self
 
-    # ---- time ---------------------------------------------------------------------------------------
+    # ---- messages of every step -----------------------------------------------------------------------
 
-    def run(self, seconds: float) -> Self:
-        self.bench.run(seconds, self._tell)
-        return self
-
-    def until(self, reached: Callable[[], bool], most_s: float = 90.0) -> Self:
-        end_ns = self.bench.now_ns + most_s * 1e9
-        while not reached() and self.bench.now_ns < end_ns:
-            self.run(0.05)
-        assert reached(), (self.mode, self.height_m, self.states[-3:])
-        return self
-
-    def below(self, height_m: float) -> Self:
-        return self.until(lambda: self.height_m < height_m)
-
-    def land(self) -> Self:
-        return self.until(lambda: self.bench.vehicle.contact is not None)
-
-    def _tell(self) -> None:
+    def tell(self) -> None:
         if self.has_station:
             self.bench.tell(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 4, 3))
         if self.target is not None:
@@ -118,34 +98,3 @@ class Px4Flight:
                 0, 0, frame, 0, 0, 0, 0, 0, north, east, 0, [1, 0, 0, 0], 2, 1
             )
         )
-
-    # ---- what is seen -------------------------------------------------------------------------------
-
-    @property
-    def height_m(self) -> float:
-        return float(self.bench.truth.pos_enu_m[2])
-
-    @property
-    def mode(self) -> str:
-        return self.autopilot.mode_name
-
-    def away_m(self, place: Place) -> float:
-        return math.dist(self.bench.truth.pos_enu_m[:2], place)
-
-    def off_m(self, place: Place | None = None) -> float:
-        """Return the distance of the touchdown from a place, the target by default."""
-        contact, place = self.bench.vehicle.contact, place or self.target
-        assert contact is not None
-        assert place is not None
-        return math.dist((contact["e"], contact["n"]), place)
-
-    def sent(self, name: str) -> list[Any]:
-        return [m for m in self.bench.sent if m.get_type() == name]
-
-    def texts(self) -> list[str]:
-        return [m.text for m in self.sent("STATUSTEXT")]
-
-    def landed_states(self) -> list[int]:
-        """Return the landed states in their order, repetitions left out."""
-        states = [int(m.landed_state) for m in self.sent("EXTENDED_SYS_STATE")]
-        return [state for at, state in enumerate(states) if at == 0 or state != states[at - 1]]
