@@ -86,6 +86,7 @@ class Mission:
         finally:
             self.sim.close()
             self.loop.close()
+        assert not self.sim.autopilot.faults, "the simulated autopilot failed to read a message"
         return self
 
     async def _fly(self, script: Callable[[Mission], Awaitable[None]]) -> None:

@@ -99,6 +99,8 @@ _SHARED: dict[str, float] = {
     **source_sets.DEFAULTS,
     **external_navigation.DEFAULTS,
     "GPS2_TYPE": 0,
+    "PRX1_ORIENT": 0,
+    "PRX1_YAW_CORR": 0,
     "RNGFND1_ORIENT": 25,
     "SYSID_MYGCS": 255,
     "FENCE_TOTAL": 0,
