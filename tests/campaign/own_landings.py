@@ -127,7 +127,7 @@ class Crowd:
     def __init__(self, sim: Simulation, n: int, seed: int) -> None:
         rng = np.random.default_rng(seed)
         east, north, _ = sim.scene.home_enu
-        self._from = rng.uniform(-REACH_M, REACH_M, (n, 2)) + (east, north)
+        self._from = np.array([east, north]) + rng.uniform(-REACH_M, REACH_M, (n, 2))
         self._bearing, self._speed = rng.uniform(0, math.tau, n), rng.uniform(0.8, 1.6, n)
         self._next_ns = 0
         for number, (x, y) in enumerate(self._from):
