@@ -8,6 +8,7 @@ object
   detector of constant false-alarm rate. The share of rays that clutter returns is measured on the lonely
   ones among the isolated returns, and the expected number of others within a distance is that share of the
   rays that passed there; or
+- if it is one of a line, see `slz.kernels.points.collinear_returns`; then all places of the line do; or
 - if it is within `SMALL_M` of the ground, where real objects are, and an object of `HAZARD_M` would have
   returned fewer than `CONTRADICTING` pulses by now. More rays without a second return contradict it.
 
@@ -22,6 +23,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from slz.kernels.points.collinear_returns import LINE_FIELDS, START_NUMBER, follow_lines, points_along
 from slz.kernels.points.isolated_returns import BINS, MOST, joined, judge, outcome, place
 from slz.kernels.points.nearest_others import FATE, ISOLATED_FIELDS, LEVEL_GROUND, UP
 from slz.kernels.points.voxel_density_filter import is_supported
@@ -50,6 +52,7 @@ class ThinObjects:
         self.found_enu_m: Points = np.empty((0, 3))
         self.altered_enu_m: Points = np.empty((0, 3))
         self._kept: Points = np.empty((0, ISOLATED_FIELDS))
+        self._lines = np.empty((0, LINE_FIELDS))
         self._high_share = 0.0  # of the rays, at the heights of an upright object in the highest band
         self._began_s, self._rays = 0.0, [0, 0]  # start of this epoch, and rays of it and the one before
         self._given_up = np.zeros((2, BINS), np.int64)  # lonely returns kept no more, by height, likewise
@@ -91,7 +94,21 @@ class ThinObjects:
         if len(waiting):  # without ground below, those that are level with another one are ground
             level = is_supported(points[waiting], UNKNOWN_PLACE, GROUND_VOXEL_M, LEAST_GROUND, 0.0)
             kept[waiting[level], FATE] = LEVEL_GROUND
+        before, self._lines = self._lines, follow_lines(kept, self._lines)
         high_shares = judge(kept, self._given_up, max(1, sum(self._rays)))
         self._high_share = float(high_shares.mean()) if len(high_shares) else 0.0
         self.found_enu_m, self.altered_enu_m, surface = outcome(kept)
+        if len(before) or len(self._lines):
+            step_m = tiles.cell_m / 2
+            self.found_enu_m = np.concatenate([self.found_enu_m, points_along(self._lines, step_m)])
+            moved = [_others(before, self._lines), _others(self._lines, before)]
+            self.altered_enu_m = np.concatenate(
+                [self.altered_enu_m, *(points_along(m, step_m) for m in moved)]
+            )
         return surface
+
+
+def _others(lines: Points, beside: Points) -> Points:
+    """Return the lines that are elsewhere, or end elsewhere, than all of some others."""
+    ends = {line[: START_NUMBER + 2].tobytes() for line in beside}
+    return lines[[line[: START_NUMBER + 2].tobytes() not in ends for line in lines]]

@@ -26,6 +26,7 @@ from slz.kernels.points.nearest_others import (
     ISOLATED_FIELDS,
     LEVEL,
     LEVEL_M,
+    LINE,
     LONELY,
     LONELY_LEVEL_M,
     LONELY_M,
@@ -240,7 +241,7 @@ def judge(records: Array2D[np.float64], given_up: Array2D[np.int64], rays: int) 
         certain = is_unlikely(records, i, UPRIGHT, rays_m2, upright, least, FALSE_ALARM[band])
         certain = certain or is_unlikely(records, i, LEVEL, rays_m2, level, least, FALSE_ALARM[band])
         small = abs(over) < SMALL_M and not record[DISTANT] and record[RAYS] * HAZARD_M2 < CONTRADICTING
-        record[FOUND] = certain or small
+        record[FOUND] = certain or small or record[LINE] > 0.0
         if certain and max(record[UPRIGHT + SOLID - 2], record[LEVEL + SOLID - 2]) <= LONELY_M:
             record[FATE], record[FOUND] = SOLID_OBJECT, 0.0
         elif not record[FOUND] and rays_m2 * SMALLEST_M2 >= SURE:
