@@ -26,10 +26,13 @@ from sitl.simulation import Simulation
 from sitl.truth.touchdown import fault_of
 from sitl.truth.truth import safe_map
 from tests.bench.landings import FLYING_COMMANDS, SETPOINTS
+from tests.campaign.sortie import LIDAR_MS
 from tests.e2e.harness import Mission
 
 CELL_M, REACH_M = 0.5, 50.0
 SCENES = "streets", "dense", "stadium", "car_park_dry", "river", "swaying_trees", "flat_roofs"
+NEAR = {"zone_m": 80.0, "max_range_m": 60.0, "adaptive": "off", "pose_rate_hz": 20.0}
+"""Settings of the companion: targets are within 30 m."""
 HEIGHT_M, LOWEST_M = 18.0, 8.0  # above home; above what stands at a place
 LAND_S = 200.0
 SECOND = 1_000_000_000
@@ -163,9 +166,9 @@ class Session:
         self.scene, self.seed, self.assist, self.kind, self._people = scene, seed, assist, kind, people
         parameters = SWITCHED_OFF[kind] if assist == "act" else {}
         parameters = {"RTL_RETURN_ALT": HEIGHT_M} | parameters if kind == "px4" else parameters
-        built = {"autopilot_kind": kind, "parameters": parameters}
+        built = {"autopilot_kind": kind, "parameters": parameters, "lidar_ms": LIDAR_MS}
         self.mission = Mission(
-            scene, seed=seed, auto=False, assist=assist, height_m=HEIGHT_M, simulated=built
+            scene, seed=seed, auto=False, assist=assist, height_m=HEIGHT_M, simulated=built, **NEAR
         )
         self._world = self.mission.sim.scene.world
         places = self._unsafe_places(n)
