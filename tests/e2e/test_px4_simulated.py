@@ -9,11 +9,13 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.px4.px4_modes import Px4Mode
+from tests.campaign.own_landings import NEAR
+from tests.campaign.sortie import LIDAR_MS
 from tests.e2e.harness import Mission
 
 pytestmark = pytest.mark.long
 
-PX4 = {"autopilot_kind": "px4"}
+PX4 = {"autopilot_kind": "px4", "lidar_ms": LIDAR_MS}
 
 
 def modes(mission: Mission) -> list[str]:
@@ -22,7 +24,7 @@ def modes(mission: Mission) -> list[str]:
 
 def test_offboard_and_precision_landing_end_on_the_chosen_point() -> None:
     """Setting OFFBOARD is the hand-over; it is refused until the companion sends setpoints."""
-    mission = Mission(simulated=PX4)
+    mission = Mission(simulated=PX4, **NEAR)
 
     async def script(m: Mission) -> None:
         pilot, autopilot = m.sim.pilot, m.sim.autopilot
@@ -43,7 +45,8 @@ def test_offboard_and_precision_landing_end_on_the_chosen_point() -> None:
 def test_a_return_of_the_pilots_ends_on_the_offered_target() -> None:
     """A return lands where a target leads, with RTL_PLD_MD 1, and nothing is commanded."""
     parameters = {"RTL_RETURN_ALT": 18.0}
-    mission = Mission("stadium", auto=False, assist="offer", simulated={**PX4, "parameters": parameters})
+    simulated = {**PX4, "parameters": parameters}
+    mission = Mission("stadium", auto=False, assist="offer", simulated=simulated, **NEAR)
 
     async def script(m: Mission) -> None:
         pilot, autopilot = m.sim.pilot, m.sim.autopilot

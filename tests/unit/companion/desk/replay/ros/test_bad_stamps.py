@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, cast
@@ -135,23 +136,27 @@ def check_places(flight: Flight, wanted: dict[int, np.ndarray], most_sweeps_lost
     assert max(float(np.linalg.norm(found[at] - wanted[at])) for at in found) < 0.05
 
 
-@pytest.mark.parametrize("stamp", BAD)
-@pytest.mark.parametrize("where", ["first", "amidst"])
-@pytest.mark.parametrize(
-    ("poses", "clouds", "topic"),
-    [
-        (ODOMETRY, CLOUD, "/points"),
-        (ODOMETRY, CLOUD, "/pose"),
-        (POSE, CLOUD, "/pose"),
-        (ESTIMATE, CLOUD, "/pose"),
-        (FIX, CLOUD, "/fix"),
-        (FIX, CLOUD, "/imu"),
-        (ODOMETRY, LIVOX, "/points"),
-    ],
-)
+READ = [
+    (ODOMETRY, CLOUD, "/points"),
+    (ODOMETRY, CLOUD, "/pose"),
+    (POSE, CLOUD, "/pose"),
+    (ESTIMATE, CLOUD, "/pose"),
+    (FIX, CLOUD, "/fix"),
+    (FIX, CLOUD, "/imu"),
+    (ODOMETRY, LIVOX, "/points"),
+]
+
+
+def in_turn(*several: Iterable[Any]) -> list[tuple[Any, ...]]:
+    """Return all combinations, with one of both places in turn, so that each value meets both."""
+    return [(*one, list(MESSAGES)[k % 2]) for k, one in enumerate(product(*several))]
+
+
+@pytest.mark.parametrize(("read", "stamp", "where"), in_turn(READ, BAD))
 def test_bad_stamps_cost_themselves_alone(
-    tmp_path: Path, poses: str, clouds: str, topic: str, where: str, stamp: str
+    tmp_path: Path, read: tuple[str, str, str], stamp: str, where: str
 ) -> None:
+    poses, clouds, topic = read
     lines = messages(poses, clouds)
     entries = lines[topic][1]
     for k in MESSAGES[where]:
@@ -161,9 +166,8 @@ def test_bad_stamps_cost_themselves_alone(
     assert where == "first" or flight.history.epoch == 0
 
 
-@pytest.mark.parametrize("where", ["first", "amidst"])
-@pytest.mark.parametrize("stamp", BAD)
-def test_a_bad_timebase_of_livox_costs_nothing(tmp_path: Path, where: str, stamp: str) -> None:
+@pytest.mark.parametrize(("stamp", "where"), in_turn(BAD))
+def test_a_bad_timebase_of_livox_costs_nothing(tmp_path: Path, stamp: str, where: str) -> None:
     """Offsets count from the header's stamp, which drivers write from the timebase."""
     lines = messages(ODOMETRY, LIVOX)
     for k in MESSAGES[where]:
@@ -172,9 +176,8 @@ def test_a_bad_timebase_of_livox_costs_nothing(tmp_path: Path, where: str, stamp
     check_places(fly(tmp_path / "bad", lines)[0], undisturbed(ODOMETRY, LIVOX), most_sweeps_lost=0)
 
 
-@pytest.mark.parametrize("where", ["first", "amidst"])
-@pytest.mark.parametrize("offset", BAD_OFFSETS_NS)
-def test_bad_offsets_of_livox_cost_themselves_alone(tmp_path: Path, where: str, offset: str) -> None:
+@pytest.mark.parametrize(("offset", "where"), in_turn(BAD_OFFSETS_NS))
+def test_bad_offsets_of_livox_cost_themselves_alone(tmp_path: Path, offset: str, where: str) -> None:
     lines = messages(ODOMETRY, LIVOX)
     for k in MESSAGES[where]:
         for point in lines["/points"][1][k][2].points:

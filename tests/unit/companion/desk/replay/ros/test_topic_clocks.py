@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -79,12 +80,13 @@ def check_places(flight: Flight, poses: str, least: float, most_astray: int = 0)
     assert sum(float(np.linalg.norm(found[k] - wanted[k])) > 0.03 for k in found) <= most_astray
 
 
+SET = [(of, recorder) for of in TOPICS for recorder in (False, True) if recorder or TOPICS[of]]
+
+
 @pytest.mark.parametrize(
-    ("of", "recorder"),
-    [(of, recorder) for of in TOPICS for recorder in (False, True) if recorder or TOPICS[of]],
+    ("step", "of", "recorder", "poses"),
+    [(step, *which, (ODOMETRY, FIX)[k % 2]) for k, (step, which) in enumerate(product(STEPS_MS, SET))],
 )
-@pytest.mark.parametrize("poses", [ODOMETRY, FIX])
-@pytest.mark.parametrize("step", STEPS_MS)
 def test_a_clock_that_is_set_misplaces_nothing(
     tmp_path: Path, of: str, step: str, poses: str, recorder: bool
 ) -> None:
@@ -115,8 +117,7 @@ def test_a_clock_that_is_set_misplaces_nothing(
 
 
 @pytest.mark.parametrize("ahead_ms", [-2500, 2500])
-@pytest.mark.parametrize("where", [0, 29, SWEEPS - 1])
-@pytest.mark.parametrize("topic", ["/points", "/pose"])
+@pytest.mark.parametrize(("topic", "where"), [("/points", 0), ("/pose", 29), ("/points", SWEEPS - 1)])
 def test_a_single_stamp_of_another_time_costs_itself(
     tmp_path: Path, topic: str, where: int, ahead_ms: int
 ) -> None:
