@@ -33,7 +33,7 @@ CELL_M, REACH_M = 0.5, 50.0
 SCENES = "streets", "dense", "stadium", "car_park_dry", "river", "swaying_trees", "flat_roofs"
 NEAR = {"zone_m": 80.0, "max_range_m": 60.0, "adaptive": "off", "pose_rate_hz": 20.0}
 """Settings of the companion: targets are within 30 m."""
-HEIGHT_M, LOWEST_M = 18.0, 8.0  # above home; above what stands at a place
+HEIGHT_M, LOWEST_M, BESIDE_M = 18.0, 8.0, 4.0  # above home, what stands at a place, and what is so near
 LAND_S = 200.0
 SECOND = 1_000_000_000
 CRITICAL_V, EMPTY_V = 14.17, 10.0
@@ -265,10 +265,12 @@ class Session:
         near = np.hypot(places[..., 0] - east, places[..., 1] - north) < REACH_M
         unsafe = places[near & ~safe]
         np.random.default_rng(self.seed).shuffle(unsafe)
-        highest_m = self._world.height_m(east, north) + HEIGHT_M - LOWEST_M
-        found = []
+        flown_m = self._world.height_m(east, north) + HEIGHT_M
+        found: list[tuple[float, float, float]] = []
         for place in unsafe:
-            if self._world.height_m(*place.tolist()) < highest_m and len(found) < n:
+            over_m = flown_m - self._world.height_m(*place.tolist())
+            beside_m = flown_m - self._world.highest_about_m(*place.tolist(), BESIDE_M)
+            if over_m > LOWEST_M and beside_m > BESIDE_M and len(found) < n:
                 found.append((*place.tolist(), float(np.hypot(*(places[safe] - place).T).min())))
         return found
 
