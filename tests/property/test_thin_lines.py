@@ -81,6 +81,13 @@ def test_the_ground_between_posts_of_many_returns_is_safe() -> None:
     assert [state_at(pipe, east, 2.0) for east, _ in places] == [UNSAFE] * 5
 
 
+def test_a_row_of_things_of_many_returns_is_no_line() -> None:
+    """Every return of a line would be at one of five knobs, 3 m apart."""
+    rng = np.random.default_rng(10)
+    knobs = [np.array([east, 2.0, 1.0]) + rng.normal(0, 0.03, (5, 3)) for east in (-6.0, -3.0, 0.0, 3.0, 6.0)]
+    assert not len(follow_lines(records_of(np.vstack(knobs)), NO_LINES))
+
+
 def test_dust_makes_fewer_than_one_line_in_a_thousand_specks() -> None:
     rng = np.random.default_rng(6)
     found = [follow_lines(records_of(clutter(100, rng)), NO_LINES) for _ in range(100)]

@@ -80,18 +80,34 @@ def _nearest(
 
 
 @kernel_part
-def _places(along: Array1D[np.float64], first: int, last: int) -> int:
-    """Return at how many places some returns along a line, ascending, are."""
-    places, at = 1, along[first]
-    for k in range(first + 1, last + 1):
-        if along[k] - at >= PLACE_M:
-            places, at = places + 1, along[k]
-    return places
+def _places(along: Array1D[np.float64], low_m: float, high_m: float) -> tuple[int, int]:
+    """Return at how many places of a stretch returns along a line, ascending, are; and how many returns."""
+    places, returns, at = 0, 0, -np.inf
+    for k in range(len(along)):
+        if low_m <= along[k] <= high_m:
+            returns += 1
+            if along[k] - at >= PLACE_M:
+                places, at = places + 1, along[k]
+    return places, returns
 
 
 @kernel_part
-def _best_run(along: Array1D[np.float64], clutter_m: float, own_m: float) -> tuple[float, int, int]:
-    """Return the false alarms of the least likely run with a return and another, and its first and last."""
+def _is_spread(along: Array1D[np.float64], low_m: float, high_m: float) -> bool:
+    """Return whether the returns of a stretch are at about as many places as if spread evenly."""
+    bins = (high_m - low_m) / PLACE_M + 1
+    places, returns = _places(along, low_m, high_m)
+    return places >= SPREAD * bins * (1.0 - (1.0 - 1.0 / bins) ** returns)
+
+
+@kernel_part
+def _best_run(
+    along: Array1D[np.float64], along_widest: Array1D[np.float64], clutter_m: float, own_m: float
+) -> tuple[float, int, int]:
+    """Return the false alarms of the least likely run with a return and another, and its first and last.
+
+    along, along_widest: returns of a tube and of the widest one, ascending. clutter_m: returns of clutter
+    expected in the tube, per metre.
+    """
     n, best, first_of, last_of, runs = len(along), np.inf, 0, 0, 0
     low, high = min(0.0, own_m), max(0.0, own_m)
     for first in range(n):
@@ -101,15 +117,12 @@ def _best_run(along: Array1D[np.float64], clutter_m: float, own_m: float) -> tup
             if along[last] < high:
                 break
             long = along[last] - along[first]
-            places = _places(along, first, last)
+            places, _ = _places(along, along[first], along[last])
             if places < FEWEST or long < SHORTEST_M:
-                continue
-            bins = long / PLACE_M + 1
-            if places < SPREAD * bins * (1.0 - (1.0 - 1.0 / bins) ** (last - first + 1)):
                 continue
             runs += 1
             chance = by_chance(places - 2, clutter_m * long)
-            if chance < best:
+            if chance < best and _is_spread(along_widest, along[first], along[last]):
                 best, first_of, last_of = chance, first, last
     return best * runs, first_of, last_of
 
@@ -144,7 +157,7 @@ def _try_return(
         density = around / ((AROUND_M * AROUND_M - INNER_M * INNER_M) * 2 * reach_m)
         for tube_m in TUBES_M:
             inside = order[aside2[order] < tube_m * tube_m]
-            chance, first, last = _best_run(along[inside], density * tube_m * tube_m, own_m)
+            chance, first, last = _best_run(along[inside], along[order], density * tube_m * tube_m, own_m)
             chance *= len(TUBES_M) * len(near)
             if chance < best:
                 best = chance
