@@ -23,7 +23,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from slz.kernels.points.collinear_returns import LINE_FIELDS, START_NUMBER, follow_lines, points_along
+from slz.kernels.points.collinear_returns import LINE_FIELDS, PLACES, follow_lines, points_along
 from slz.kernels.points.isolated_returns import BINS, MOST, joined, judge, outcome, place
 from slz.kernels.points.nearest_others import FATE, ISOLATED_FIELDS, LEVEL_GROUND, UP
 from slz.kernels.points.voxel_density_filter import is_supported
@@ -94,12 +94,12 @@ class ThinObjects:
         if len(waiting):  # without ground below, those that are level with another one are ground
             level = is_supported(points[waiting], UNKNOWN_PLACE, GROUND_VOXEL_M, LEAST_GROUND, 0.0)
             kept[waiting[level], FATE] = LEVEL_GROUND
-        before, self._lines = self._lines, follow_lines(kept, self._lines)
         high_shares = judge(kept, self._given_up, max(1, sum(self._rays)))
+        before, self._lines = self._lines, follow_lines(kept, self._lines.copy())
         self._high_share = float(high_shares.mean()) if len(high_shares) else 0.0
         self.found_enu_m, self.altered_enu_m, surface = outcome(kept)
         if len(before) or len(self._lines):
-            step_m = tiles.cell_m / 2
+            step_m = tiles.cell_m
             self.found_enu_m = np.concatenate([self.found_enu_m, points_along(self._lines, step_m)])
             moved = [_others(before, self._lines), _others(self._lines, before)]
             self.altered_enu_m = np.concatenate(
@@ -110,5 +110,5 @@ class ThinObjects:
 
 def _others(lines: Points, beside: Points) -> Points:
     """Return the lines that are elsewhere, or end elsewhere, than all of some others."""
-    ends = {line[: START_NUMBER + 2].tobytes() for line in beside}
-    return lines[[line[: START_NUMBER + 2].tobytes() not in ends for line in lines]]
+    ends = {line[:PLACES].tobytes() for line in beside}
+    return lines[[line[:PLACES].tobytes() not in ends for line in lines]]

@@ -7,6 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from slz.kernels.points.collinear_returns import (
+    BEYOND,
     LINE_FIELDS,
     PLACES,
     SEEN_RAYS,
@@ -22,7 +23,6 @@ from slz.kernels.points.nearest_others import (
     ISOLATED_FIELDS,
     LINE,
     LOW,
-    NUMBER,
     OVER,
     RAYS,
     TRIED,
@@ -47,7 +47,7 @@ def records_of(points: Floats, rays_m2: float = 100.0) -> Floats:
     records = np.zeros((len(points), ISOLATED_FIELDS))
     records[:, : UP + 1], records[:, OVER], records[:, UPRIGHT:] = points, points[:, UP], np.inf
     records[:, BAND] = np.where(points[:, UP] > HIGH_M, HIGH, LOW)
-    records[:, NUMBER], records[:, RAYS] = np.arange(len(points)), rays_m2
+    records[:, RAYS] = rays_m2
     return records
 
 
@@ -121,7 +121,6 @@ def test_new_returns_lengthen_a_line_and_many_rays_without_one_end_it() -> None:
     assert records[:, LINE].all()
     assert records[:, TRIED].all()
     grown = np.vstack([records, records_of(np.array([[1.3, 0.0, 1.5]]))])
-    grown[-1, NUMBER] = 99
     lines = follow_lines(grown, lines)
     assert max(lines[0, START], lines[0, STOP]) == pytest.approx(1.3)
     grown[:, RAYS] = lines[0, SEEN_RAYS] * 1.5
@@ -138,5 +137,5 @@ def test_places_along_a_line_leave_no_cell_out() -> None:
     along = points_along(line[np.newaxis], 0.1)
     assert np.diff(np.sort(along[:, 0])).max() <= 0.1 + 1e-9
     assert along[:, 0].max() - along[:, 0].min() == pytest.approx(
-        abs(line[STOP] - line[START]) * (1 + 2 / (line[PLACES] - 1)), rel=1e-3
+        abs(line[STOP] - line[START]) + 2 * line[BEYOND], rel=1e-3
     )

@@ -13,26 +13,39 @@ import numpy as np
 
 from slz.kernels.argument_types import Array1D, Array2D
 from slz.kernels.array_memory import put
+from slz.kernels.elementary_functions import ranked
 from slz.kernels.jit import kernel, kernel_part
 from slz.kernels.points.clutter import by_chance
-from slz.kernels.points.nearest_others import BAND, FATE, LINE, LOW, NUMBER, OVER, RAYS, STAYS, TRIED, UP
+from slz.kernels.points.nearest_others import (
+    BAND,
+    EAST,
+    FATE,
+    FOUND,
+    LINE,
+    LOW,
+    NORTH,
+    OVER,
+    RAYS,
+    STAYS,
+    TRIED,
+    UP,
+    WAS_FOUND,
+)
 
 FALSE_LINES = 1e-4  # of the returns tried
 HIGHEST_M = 6.0  # over the ground; above are wires, `slz.wires`
-REACH_M, MOST_NEAR = 8.0, 48  # others of a return with which lines are tried: the nearest ones
+REACH_M, MOST_NEAR = 8.0, 64  # others of a return with which lines are tried: the nearest ones
+SQUARE_M, RINGS = 4.0, 2  # squares in which others are looked for, and how many to each side
 SHORTEST_M, PLACE_M = 0.5, 0.3  # length of a line; returns nearer to each other are of one place
-TUBES_M, INNER_M, AROUND_M = (
-    (0.03, 0.06, 0.12),
-    0.24,
-    1.0,
-)  # radii of tubes, and of the shell of clutter around
+TUBES_M = (0.03, 0.06, 0.12)  # radii of the tubes that are tried
+INNER_M, AROUND_M = 0.24, 1.0  # radii of the shell around in which clutter is counted
 SPREAD = 0.6  # of the places that returns spread evenly would take: others are a row of things
 FEWEST = 4  # places of a line
 UNSEEN = 7.0  # returns of a line expected since its last one, that are missing: it is gone
 
-# A line: its end returns, their numbers, how many returns it has, and the rays per m² that had passed there
-# at its latest one.
-START, STOP, START_NUMBER, STOP_NUMBER, PLACES, SEEN_RAYS, LINE_FIELDS = 0, 3, 6, 7, 8, 9, 10
+# A line: its ends, how far it may go on beyond them, how many returns it has, and the mean rays per m² that
+# had passed these at the latest one.
+START, STOP, BEYOND, PLACES, SEEN_RAYS, LINE_FIELDS = 0, 3, 6, 7, 8, 9
 
 
 @kernel_part
@@ -46,31 +59,72 @@ def _along(
 
 
 @kernel_part
-def _candidates(records: Array2D[np.float64]) -> Array1D[np.int64]:
-    """Return the indices of returns near the ground and above it."""
-    out, n = np.empty(len(records), np.int64), 0
+def _is_candidate(records: Array2D[np.float64], i: int) -> bool:
+    """Return whether a return is near the ground and above it."""
+    return records[i, FATE] == STAYS and records[i, BAND] >= LOW and records[i, OVER] <= HIGHEST_M
+
+
+@kernel_part
+def _by_square(
+    records: Array2D[np.float64],
+) -> tuple[Array1D[np.int64], Array1D[np.int64], Array1D[np.int64], int]:
+    """Return the candidates by squares, where those of each begin, the square of each return, and columns."""
+    west = south = np.inf
+    east = north = -np.inf
+    at = np.full(len(records), -1, np.int64)
     for i in range(len(records)):
-        if records[i, FATE] == STAYS and records[i, BAND] >= LOW and records[i, OVER] <= HIGHEST_M:
-            out[n] = i
-            n += 1
-    return out[:n]
+        if _is_candidate(records, i):
+            at[i] = 0
+            west, south = min(west, records[i, EAST]), min(south, records[i, NORTH])
+            east, north = max(east, records[i, EAST]), max(north, records[i, NORTH])
+    if west > east:
+        return np.empty(0, np.int64), np.zeros(1, np.int64), at, 0
+    west, south = west - (RINGS + 0.5) * SQUARE_M, south - (RINGS + 0.5) * SQUARE_M
+    cols, rows = int((east - west) / SQUARE_M) + RINGS + 1, int((north - south) / SQUARE_M) + RINGS + 1
+    starts = np.zeros(rows * cols + 1, np.int64)
+    for i in range(len(records)):
+        if at[i] == 0:
+            row, col = int((records[i, NORTH] - south) / SQUARE_M), int((records[i, EAST] - west) / SQUARE_M)
+            at[i] = row * cols + col
+            starts[at[i] + 1] += 1
+    for k in range(rows * cols):
+        starts[k + 1] += starts[k]
+    order, filled = np.empty(starts[-1], np.int64), starts.copy()
+    for i in range(len(records)):
+        if at[i] >= 0:
+            order[filled[at[i]]] = i
+            filled[at[i]] += 1
+    return order, starts, at, cols
 
 
 @kernel_part
 def _nearest(
-    records: Array2D[np.float64], i: int, some: Array1D[np.int64]
+    records: Array2D[np.float64],
+    i: int,
+    order: Array1D[np.int64],
+    starts: Array1D[np.int64],
+    square: int,
+    cols: int,
 ) -> tuple[Array1D[np.int64], float]:
-    """Return up to `MOST_NEAR` of some returns that are nearest to a return, and their reach."""
-    away, near, n = np.empty(len(some)), np.empty(len(some), np.int64), 0
-    for j in some:
-        x, y, z = records[j, 0] - records[i, 0], records[j, 1] - records[i, 1], records[j, 2] - records[i, 2]
-        distance2 = x * x + y * y + z * z
-        if distance2 <= REACH_M * REACH_M and j != i:
-            away[n], near[n] = distance2, j
-            n += 1
+    """Return up to `MOST_NEAR` candidates that are nearest to a return, and their reach."""
+    n = 0
+    for row in range(-RINGS, RINGS + 1):
+        first = square + row * cols
+        n += starts[first + RINGS + 1] - starts[first - RINGS]
+    away, near, n = np.empty(n), np.empty(n, np.int64), 0
+    for row in range(-RINGS, RINGS + 1):
+        first = square + row * cols
+        for k in range(starts[first - RINGS], starts[first + RINGS + 1]):
+            j = order[k]
+            x, y = records[j, EAST] - records[i, EAST], records[j, NORTH] - records[i, NORTH]
+            z = records[j, UP] - records[i, UP]
+            distance2 = x * x + y * y + z * z
+            if distance2 <= REACH_M * REACH_M and j != i:
+                away[n], near[n] = distance2, j
+                n += 1
     if n <= MOST_NEAR:
         return near[:n].copy(), REACH_M
-    most = np.sort(away[:n])[MOST_NEAR]
+    most = ranked(away[:n].copy(), MOST_NEAR)
     kept = 0
     for k in range(n):
         if away[k] < most:
@@ -129,10 +183,9 @@ def _best_run(
 
 @kernel_part
 def _try_return(
-    records: Array2D[np.float64], i: int, some: Array1D[np.int64], out: Array1D[np.float64]
+    records: Array2D[np.float64], i: int, near: Array1D[np.int64], reach_m: float, out: Array1D[np.float64]
 ) -> float:
-    """Write the least likely line through a return, and return its number of false alarms a return."""
-    near, reach_m = _nearest(records, i, some)
+    """Write the least likely line through a return and others near, and return its false alarms a return."""
     origin, unit = records[i, : UP + 1].copy(), np.empty(3)
     along, aside2, members = np.zeros(len(near) + 1), np.zeros(len(near) + 1), np.full(len(near) + 1, i)
     best = FALSE_LINES
@@ -161,87 +214,131 @@ def _try_return(
             chance *= len(TUBES_M) * len(near)
             if chance < best:
                 best = chance
-                _write(records, members[inside[first]], members[inside[last]], last - first + 1, out)
+                put(out, START, records[members[inside[first]], : UP + 1])
+                put(out, STOP, records[members[inside[last]], : UP + 1])
+                out[BEYOND] = _long_m(out) / (last - first)
     return best
 
 
 @kernel_part
-def _write(
-    records: Array2D[np.float64], start: int, stop: int, places: int, out: Array1D[np.float64]
-) -> None:
-    put(out, START, records[start, : UP + 1])
-    put(out, STOP, records[stop, : UP + 1])
-    out[START_NUMBER], out[STOP_NUMBER], out[PLACES] = records[start, NUMBER], records[stop, NUMBER], places
-    out[SEEN_RAYS] = 0.5 * (records[start, RAYS] + records[stop, RAYS])
+def _long_m(line: Array1D[np.float64]) -> float:
+    """Return the length of a line."""
+    x, y, z = line[STOP] - line[START], line[STOP + 1] - line[START + 1], line[STOP + 2] - line[START + 2]
+    return math.sqrt(x * x + y * y + z * z)
 
 
 @kernel_part
-def _follow(records: Array2D[np.float64], some: Array1D[np.int64], line: Array1D[np.float64]) -> bool:
-    """Extend a line to new returns in its tube, mark its returns, and return whether it is still there."""
-    unit, start, stop = np.empty(3), -1, -1
+def _join(
+    records: Array2D[np.float64], some: Array1D[np.int64], line: Array1D[np.float64], number: int
+) -> None:
+    """Let those of some returns that are in a line's tube be of it, and extend it to them."""
+    unit, long = np.empty(3), _long_m(line)
     for axis in range(3):
-        unit[axis] = line[STOP + axis] - line[START + axis]
-    long = math.sqrt(unit[0] * unit[0] + unit[1] * unit[1] + unit[2] * unit[2])
-    for axis in range(3):
-        unit[axis] /= long
-    beyond = long / (line[PLACES] - 1)
-    origin = line[START : START + 3].copy()
-    members, low, high, count, has_new = np.empty(len(some), np.int64), np.inf, -np.inf, 0, False
+        unit[axis] = (line[STOP + axis] - line[START + axis]) / long
+    origin, low, high, start, stop = line[START : START + 3].copy(), -1e-9, long + 1e-9, -1, -1
+    beyond, count = line[BEYOND], 0
     for i in some:
         along, aside2 = _along(records, i, origin, unit)
-        if aside2 < TUBES_M[-1] * TUBES_M[-1] and -beyond <= along <= long + beyond:
-            members[count] = i
+        if (
+            records[i, LINE] == 0.0
+            and aside2 < TUBES_M[-1] * TUBES_M[-1]
+            and -beyond <= along <= long + beyond
+        ):
+            records[i, LINE] = number
             count += 1
-            has_new |= records[i, TRIED] == 0.0
             if along < low:
                 low, start = along, i
             if along > high:
                 high, stop = along, i
-    if count < FEWEST - 1 or high - low < SHORTEST_M:
-        return False
-    if has_new:
-        _write(records, start, stop, max(count, int(line[PLACES])), line)
-    elif 0.5 * (records[start, RAYS] + records[stop, RAYS]) > line[SEEN_RAYS] * (1.0 + UNSEEN / line[PLACES]):
-        return False
-    for k in range(count):
-        records[members[k], LINE] = 1.0
-    return True
+    line[PLACES] += count
+    if start >= 0:
+        put(line, START, records[start, : UP + 1])
+    if stop >= 0:
+        put(line, STOP, records[stop, : UP + 1])
+    if start >= 0 or stop >= 0:
+        line[BEYOND] = min(beyond, _long_m(line) / max(1.0, line[PLACES] - 1))
+
+
+@kernel_part
+def _begin(
+    records: Array2D[np.float64], some: Array1D[np.int64], line: Array1D[np.float64], number: int
+) -> bool:
+    """Let returns be of a new line; return whether it has enough that are of no other."""
+    line[PLACES] = line[SEEN_RAYS] = 0.0
+    _join(records, some, line, number)
+    for i in some:
+        if records[i, LINE] == number:
+            line[SEEN_RAYS] += records[i, RAYS] / line[PLACES]
+            if line[PLACES] < FEWEST - 1:
+                records[i, LINE] = 0.0
+    return line[PLACES] >= FEWEST - 1
+
+
+@kernel_part
+def _kept_lines(records: Array2D[np.float64], lines: Array2D[np.float64], out: Array2D[np.float64]) -> int:
+    """Copy the lines that are still there, number their returns anew, and return how many they are."""
+    rays, count, has_new = np.zeros(len(lines)), np.zeros(len(lines)), np.zeros(len(lines), np.bool_)
+    for i in range(len(records)):
+        k = int(records[i, LINE]) - 1
+        if k >= 0 and records[i, FATE] == STAYS:
+            rays[k] += records[i, RAYS]
+            count[k] += 1
+            has_new[k] |= records[i, TRIED] == 0.0
+    number, n = np.zeros(len(lines) + 1), 0
+    for k in range(len(lines)):
+        mean = rays[k] / max(count[k], 1.0)
+        if has_new[k]:
+            lines[k, SEEN_RAYS] = mean
+        if count[k] < FEWEST - 1 or mean > lines[k, SEEN_RAYS] * (1.0 + UNSEEN / lines[k, PLACES]):
+            continue
+        put(out[n], 0, lines[k])
+        n += 1
+        number[k + 1] = n
+    for i in range(len(records)):
+        records[i, LINE] = number[int(records[i, LINE])]
+    return n
 
 
 @kernel
 def follow_lines(records: Array2D[np.float64], lines: Array2D[np.float64]) -> Array2D[np.float64]:
     """Return the lines (m, LINE_FIELDS) that are still there, and those that new returns make.
 
+    Returns that are objects by themselves make none, as long as they are, but may be of one.
+
     Parameters
     ----------
     records
-        (n, ISOLATED_FIELDS) isolated returns, changed: LINE is 1 for those of a line, TRIED is 1 for all.
+        (n, ISOLATED_FIELDS) isolated returns, changed: LINE is the number of the line that one is of, from 1
+        on, TRIED is 1 for all candidates, and FOUND for those of a line.
     lines
-        (m, LINE_FIELDS) lines so far.
+        (m, LINE_FIELDS) lines so far; changed.
     """
-    some, n = _candidates(records), 0
-    out = np.empty((len(lines) + len(some), LINE_FIELDS))
-    for i in range(len(records)):
-        records[i, LINE] = 0.0
+    order, starts, at, cols = _by_square(records)
+    new, n_new = np.empty(len(order), np.int64), 0
+    for i in order:
+        is_left = records[i, WAS_FOUND] > 0.0 and records[i, FOUND] == 0.0
+        if (records[i, TRIED] == 0.0 or is_left) and records[i, LINE] == 0.0:
+            new[n_new] = i
+            n_new += 1
+    new = new[:n_new]
     for k in range(len(lines)):
-        put(out[n], 0, lines[k])
-        n += _follow(records, some, out[n])
-    found, chances, through = (
-        np.empty((len(some), LINE_FIELDS)),
-        np.empty(len(some)),
-        np.empty(len(some), np.int64),
-    )
-    m = 0
-    for i in some:
-        if records[i, TRIED] == 0.0 and records[i, LINE] == 0.0:
-            chances[m], through[m] = _try_return(records, i, some, found[m]), i
+        _join(records, new, lines[k], k + 1)
+    out = np.empty((len(lines) + n_new, LINE_FIELDS))
+    n, m = _kept_lines(records, lines, out), 0
+    found, chances, through = np.empty((n_new, LINE_FIELDS)), np.empty(n_new), np.empty(n_new, np.int64)
+    for i in new:
+        if records[i, LINE] == 0.0 and records[i, FOUND] == 0.0:
+            near, reach_m = _nearest(records, i, order, starts, at[i], cols)
+            chances[m], through[m] = _try_return(records, i, near, reach_m, found[m]), i
             m += chances[m] < FALSE_LINES
     for k in np.argsort(chances[:m]):
         if records[through[k], LINE] == 0.0:
             put(out[n], 0, found[k])
-            n += _follow(records, some, out[n])
-    for i in some:
+            n += _begin(records, order, out[n], n + 1)
+    for i in order:
         records[i, TRIED] = 1.0
+        if records[i, LINE] > 0.0:
+            records[i, FOUND] = 1.0
     return out[:n].copy()
 
 
@@ -250,13 +347,10 @@ def points_along(lines: Array2D[np.float64], step_m: float) -> Array2D[np.float6
     """Return places (n, 3) along lines, `step_m` apart at most, and on beyond both ends by one gap."""
     counts = np.empty(len(lines), np.int64)
     for k in range(len(lines)):
-        long2, beyond = 0.0, 1.0 / (lines[k, PLACES] - 1)
-        for axis in range(3):
-            long2 += (lines[k, STOP + axis] - lines[k, START + axis]) ** 2
-        counts[k] = math.ceil((1 + 2 * beyond) * math.sqrt(long2) / step_m) + 1
+        counts[k] = math.ceil((_long_m(lines[k]) + 2 * lines[k, BEYOND]) / step_m) + 1
     out, n = np.empty((counts.sum(), 3)), 0
     for k in range(len(lines)):
-        beyond = 1.0 / (lines[k, PLACES] - 1)
+        beyond = lines[k, BEYOND] / _long_m(lines[k])
         for at in range(counts[k]):
             share = (1 + 2 * beyond) * at / (counts[k] - 1) - beyond
             for axis in range(3):
