@@ -31,7 +31,7 @@ from tests.e2e.harness import Mission
 
 CELL_M, REACH_M = 0.5, 50.0
 SCENES = "streets", "dense", "stadium", "car_park_dry", "river", "swaying_trees", "flat_roofs"
-NEAR = {"zone_m": 80.0, "max_range_m": 60.0, "adaptive": "off", "pose_rate_hz": 20.0}
+NEAR: dict[str, Any] = {"zone_m": 80.0, "max_range_m": 60.0, "adaptive": "off", "pose_rate_hz": 20.0}
 """Settings of the companion: targets are within 30 m."""
 HEIGHT_M, LOWEST_M, BESIDE_M = 18.0, 8.0, 4.0  # above home, what stands at a place, and what is so near
 LAND_S = 200.0

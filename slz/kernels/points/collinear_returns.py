@@ -61,7 +61,7 @@ def _along(
 @kernel_part
 def _is_candidate(records: Array2D[np.float64], i: int) -> bool:
     """Return whether a return is near the ground and above it."""
-    return records[i, FATE] == STAYS and records[i, BAND] >= LOW and records[i, OVER] <= HIGHEST_M
+    return bool(records[i, FATE] == STAYS and records[i, BAND] >= LOW and records[i, OVER] <= HIGHEST_M)
 
 
 @kernel_part
@@ -271,7 +271,7 @@ def _begin(
             line[SEEN_RAYS] += records[i, RAYS] / line[PLACES]
             if line[PLACES] < FEWEST - 1:
                 records[i, LINE] = 0.0
-    return line[PLACES] >= FEWEST - 1
+    return bool(line[PLACES] >= FEWEST - 1)
 
 
 @kernel_part
@@ -326,7 +326,8 @@ def follow_lines(records: Array2D[np.float64], lines: Array2D[np.float64]) -> Ar
     out = np.empty((len(lines) + n_new, LINE_FIELDS))
     n, m = _kept_lines(records, lines, out), 0
     found, chances, through = np.empty((n_new, LINE_FIELDS)), np.empty(n_new), np.empty(n_new, np.int64)
-    for i in new:
+    for j in range(n_new):
+        i = int(new[j])
         if records[i, LINE] == 0.0 and records[i, FOUND] == 0.0:
             near, reach_m = _nearest(records, i, order, starts, at[i], cols)
             chances[m], through[m] = _try_return(records, i, near, reach_m, found[m]), i
