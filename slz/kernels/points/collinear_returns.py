@@ -41,6 +41,7 @@ TUBES_M = (0.03, 0.06, 0.12)  # radii of the tubes that are tried
 INNER_M, AROUND_M = 0.24, 1.0  # radii of the shell around in which clutter is counted
 SPREAD = 0.6  # of the places that returns spread evenly would take: others are a row of things
 FEWEST = 4  # places of a line
+GAPS = 2.0  # between its returns on average, beyond its ends, within which another return is of it
 UNSEEN = 7.0  # returns of a line expected since its last one, that are missing: it is gone
 
 # A line: its ends, how far it may go on beyond them, how many returns it has, and the mean rays per m² that
@@ -230,8 +231,8 @@ def _long_m(line: Array1D[np.float64]) -> float:
 @kernel_part
 def _join(
     records: Array2D[np.float64], some: Array1D[np.int64], line: Array1D[np.float64], number: int
-) -> None:
-    """Let those of some returns that are in a line's tube be of it, and extend it to them."""
+) -> bool:
+    """Let those of some returns that are in a line's tube be of it; return whether it is longer by them."""
     unit, long = np.empty(3), _long_m(line)
     for axis in range(3):
         unit[axis] = (line[STOP + axis] - line[START + axis]) / long
@@ -242,7 +243,7 @@ def _join(
         if (
             records[i, LINE] == 0.0
             and aside2 < TUBES_M[-1] * TUBES_M[-1]
-            and -beyond <= along <= long + beyond
+            and -GAPS * beyond <= along <= long + GAPS * beyond
         ):
             records[i, LINE] = number
             count += 1
@@ -255,8 +256,8 @@ def _join(
         put(line, START, records[start, : UP + 1])
     if stop >= 0:
         put(line, STOP, records[stop, : UP + 1])
-    if start >= 0 or stop >= 0:
-        line[BEYOND] = min(beyond, _long_m(line) / max(1.0, line[PLACES] - 1))
+    line[BEYOND] = _long_m(line) / max(1.0, line[PLACES] - 1)
+    return start >= 0 or stop >= 0
 
 
 @kernel_part
@@ -265,7 +266,8 @@ def _begin(
 ) -> bool:
     """Let returns be of a new line; return whether it has enough that are of no other."""
     line[PLACES] = line[SEEN_RAYS] = 0.0
-    _join(records, some, line, number)
+    while _join(records, some, line, number):
+        pass
     for i in some:
         if records[i, LINE] == number:
             line[SEEN_RAYS] += records[i, RAYS] / line[PLACES]
@@ -322,7 +324,9 @@ def follow_lines(records: Array2D[np.float64], lines: Array2D[np.float64]) -> Ar
             n_new += 1
     new = new[:n_new]
     for k in range(len(lines)):
-        _join(records, new, lines[k], k + 1)
+        if _join(records, new, lines[k], k + 1):
+            while _join(records, order, lines[k], k + 1):
+                pass
     out = np.empty((len(lines) + n_new, LINE_FIELDS))
     n, m = _kept_lines(records, lines, out), 0
     found, chances, through = np.empty((n_new, LINE_FIELDS)), np.empty(n_new), np.empty(n_new, np.int64)
