@@ -1,4 +1,4 @@
-"""Lines of isolated returns: thin things that hang, rise or run level near the ground, however few returns.
+"""Lines of isolated returns: thin things near the ground that hang, rise or run level, and return little.
 
 A line through two returns counts if clutter alone would put so many others into the tube around it in fewer
 than `FALSE_LINES` of the returns tried: an a-contrario test (Desolneux, Moisan and Morel, International
@@ -26,16 +26,18 @@ from slz.kernels.points.nearest_others import (
     NORTH,
     OVER,
     RAYS,
+    RINGS,
     STAYS,
     TRIED,
     UP,
     WAS_FOUND,
+    sorted_by_square,
 )
 
 FALSE_LINES = 1e-4  # of the returns tried
 HIGHEST_M = 6.0  # over the ground; above are wires, `slz.wires`
 REACH_M, MOST_NEAR = 8.0, 64  # others of a return with which lines are tried: the nearest ones
-SQUARE_M, RINGS = 4.0, 2  # squares in which others are looked for, and how many to each side
+SQUARE_M = REACH_M / RINGS  # side of the squares in which others are looked for
 SHORTEST_M, PLACE_M = 0.5, 0.3  # length of a line; returns nearer to each other are of one place
 TUBES_M = (0.03, 0.06, 0.12)  # radii of the tubes that are tried
 INNER_M, AROUND_M = 0.24, 1.0  # radii of the shell around in which clutter is counted
@@ -66,72 +68,30 @@ def _is_candidate(records: Array2D[np.float64], i: int) -> bool:
 
 
 @kernel_part
-def _by_square(
-    records: Array2D[np.float64],
-) -> tuple[Array1D[np.int64], Array1D[np.int64], Array1D[np.int64], int]:
-    """Return the candidates by squares, where those of each begin, the square of each return, and columns."""
-    west = south = np.inf
-    east = north = -np.inf
-    at = np.full(len(records), -1, np.int64)
-    for i in range(len(records)):
-        if _is_candidate(records, i):
-            at[i] = 0
-            west, south = min(west, records[i, EAST]), min(south, records[i, NORTH])
-            east, north = max(east, records[i, EAST]), max(north, records[i, NORTH])
-    if west > east:
-        return np.empty(0, np.int64), np.zeros(1, np.int64), at, 0
-    west, south = west - (RINGS + 0.5) * SQUARE_M, south - (RINGS + 0.5) * SQUARE_M
-    cols, rows = int((east - west) / SQUARE_M) + RINGS + 1, int((north - south) / SQUARE_M) + RINGS + 1
-    starts = np.zeros(rows * cols + 1, np.int64)
-    for i in range(len(records)):
-        if at[i] == 0:
-            row, col = int((records[i, NORTH] - south) / SQUARE_M), int((records[i, EAST] - west) / SQUARE_M)
-            at[i] = row * cols + col
-            starts[at[i] + 1] += 1
-    for k in range(rows * cols):
-        starts[k + 1] += starts[k]
-    order, filled = np.empty(starts[-1], np.int64), starts.copy()
-    for i in range(len(records)):
-        if at[i] >= 0:
-            order[filled[at[i]]] = i
-            filled[at[i]] += 1
-    return order, starts, at, cols
-
-
-@kernel_part
 def _nearest(
-    records: Array2D[np.float64],
     i: int,
     order: Array1D[np.int64],
+    places: Array2D[np.float64],
     starts: Array1D[np.int64],
-    square: int,
+    at: Array1D[np.int64],
     cols: int,
+    records: Array2D[np.float64],
 ) -> tuple[Array1D[np.int64], float]:
     """Return up to `MOST_NEAR` candidates that are nearest to a return, and their reach."""
-    n = 0
+    east, north, up = records[i, EAST], records[i, NORTH], records[i, UP]
+    away, near, n = np.empty(len(order)), np.empty(len(order), np.int64), 0
     for row in range(-RINGS, RINGS + 1):
-        first = square + row * cols
-        n += starts[first + RINGS + 1] - starts[first - RINGS]
-    away, near, n = np.empty(n), np.empty(n, np.int64), 0
-    for row in range(-RINGS, RINGS + 1):
-        first = square + row * cols
+        first = at[i] + row * cols
         for k in range(starts[first - RINGS], starts[first + RINGS + 1]):
-            j = order[k]
-            x, y = records[j, EAST] - records[i, EAST], records[j, NORTH] - records[i, NORTH]
-            z = records[j, UP] - records[i, UP]
+            x, y, z = places[k, 0] - east, places[k, 1] - north, places[k, 2] - up
             distance2 = x * x + y * y + z * z
-            if distance2 <= REACH_M * REACH_M and j != i:
-                away[n], near[n] = distance2, j
+            if distance2 <= REACH_M * REACH_M and order[k] != i:
+                away[n], near[n] = distance2, order[k]
                 n += 1
     if n <= MOST_NEAR:
         return near[:n].copy(), REACH_M
     most = ranked(away[:n].copy(), MOST_NEAR)
-    kept = 0
-    for k in range(n):
-        if away[k] < most:
-            near[kept] = near[k]
-            kept += 1
-    return near[:kept].copy(), math.sqrt(most)
+    return near[:n][away[:n] < most], math.sqrt(most)
 
 
 @kernel_part
@@ -315,35 +275,34 @@ def follow_lines(records: Array2D[np.float64], lines: Array2D[np.float64]) -> Ar
     lines
         (m, LINE_FIELDS) lines so far; changed.
     """
-    order, starts, at, cols = _by_square(records)
-    new, n_new = np.empty(len(order), np.int64), 0
-    for i in order:
+    is_candidate, is_new = np.zeros(len(records), np.bool_), np.zeros(len(records), np.bool_)
+    for i in range(len(records)):
+        is_candidate[i] = _is_candidate(records, i)
         is_left = records[i, WAS_FOUND] > 0.0 and records[i, FOUND] == 0.0
-        if (records[i, TRIED] == 0.0 or is_left) and records[i, LINE] == 0.0:
-            new[n_new] = i
-            n_new += 1
-    new = new[:n_new]
+        is_fresh = records[i, TRIED] == 0.0 or is_left
+        is_new[i] = is_candidate[i] and is_fresh and records[i, LINE] == 0.0
+    some, new = np.nonzero(is_candidate)[0], np.nonzero(is_new)[0]
     for k in range(len(lines)):
         if _join(records, new, lines[k], k + 1):
-            while _join(records, order, lines[k], k + 1):
+            while _join(records, some, lines[k], k + 1):
                 pass
-    out = np.empty((len(lines) + n_new, LINE_FIELDS))
-    n, m = _kept_lines(records, lines, out), 0
-    found, chances, through = np.empty((n_new, LINE_FIELDS)), np.empty(n_new), np.empty(n_new, np.int64)
-    for j in range(n_new):
-        i = int(new[j])
-        if records[i, LINE] == 0.0 and records[i, FOUND] == 0.0:
-            near, reach_m = _nearest(records, i, order, starts, at[i], cols)
-            chances[m], through[m] = _try_return(records, i, near, reach_m, found[m]), i
-            m += chances[m] < FALSE_LINES
-    for k in np.argsort(chances[:m]):
-        if records[through[k], LINE] == 0.0:
-            put(out[n], 0, found[k])
-            n += _begin(records, order, out[n], n + 1)
-    for i in order:
-        records[i, TRIED] = 1.0
-        if records[i, LINE] > 0.0:
-            records[i, FOUND] = 1.0
+    out = np.empty((len(lines) + len(new), LINE_FIELDS))
+    n = _kept_lines(records, lines, out)
+    tried = new[(records[new, LINE] == 0.0) & (records[new, FOUND] == 0.0)]
+    if len(tried):
+        order, places, at, starts, cols = sorted_by_square(records, is_candidate, tried, SQUARE_M)
+        found, chances = np.empty((len(tried), LINE_FIELDS)), np.empty(len(tried))
+        for k in range(len(tried)):
+            near, reach_m = _nearest(tried[k], order, places, starts, at, cols, records)
+            chances[k] = _try_return(records, tried[k], near, reach_m, found[k])
+        for best in np.argsort(chances):
+            if chances[best] < FALSE_LINES and records[tried[best], LINE] == 0.0:
+                put(out[n], 0, found[best])
+                n += _begin(records, some, out[n], n + 1)
+    for each in some:
+        records[each, TRIED] = 1.0
+        if records[each, LINE] > 0.0:
+            records[each, FOUND] = 1.0
     return out[:n].copy()
 
 

@@ -14,9 +14,9 @@ from slz.kernels.jit import kernel_part
 # rays per m2 that the cells around hold; RAYS: the same, with those that the cells forgot. OVER: height over
 # ground, as last known. BAND: of height over ground, `NO_BAND` before ground was known, and of those that go
 # before they are judged. LONELY: without another near. FOUND: counts as an object; WAS_FOUND: did so after
-# the last window. FATE: whether it stays, or why it goes. LINE: is one of a line; TRIED: whether it makes one
-# was tried. UPRIGHT, LEVEL: first of `MOST_OTHERS` horizontal distances of others, ascending, infinite where
-# there is none.
+# the last window. FATE: whether it stays, or why it goes. LINE: number of the line that it is of, from 1 on;
+# TRIED: whether lines were sought through it. UPRIGHT, LEVEL: first of `MOST_OTHERS` horizontal distances of
+# others, ascending, infinite where there is none.
 (
     EAST, NORTH, UP, BORN, SENSOR_UP, NUMBER, DISTANT, HELD, RAYS, OVER, BAND, LONELY, FOUND, WAS_FOUND, FATE,
     LINE, TRIED,
@@ -65,23 +65,32 @@ def _add_other(records: Array2D[np.float64], i: int, away_m: float, rise_m: floa
 
 
 @kernel_part
-def _sorted_by_square(
-    records: Array2D[np.float64], new: Array1D[np.int64]
+def sorted_by_square(
+    records: Array2D[np.float64], chosen: Array1D[np.bool_], around: Array1D[np.int64], square_m: float
 ) -> tuple[Array1D[np.int64], Array2D[np.float64], Array1D[np.int64], Array1D[np.int64], int]:
-    """Return returns near new ones by squares, their places and bands, squares, their starts and columns."""
+    """Return chosen returns within `RINGS` squares of some others, by squares.
+
+    The others must not be empty.
+
+    Returns
+    -------
+    tuple
+        Indices of the returns, (k, 4) their places and bands; the square of each record, -1 for none, where
+        the returns of each square begin, and the number of columns.
+    """
     west = south = np.inf
     east = north = -np.inf
-    for i in new:
+    for i in around:
         west, south = min(west, records[i, EAST]), min(south, records[i, NORTH])
         east, north = max(east, records[i, EAST]), max(north, records[i, NORTH])
-    west, south = west - (RINGS + 1) * SQUARE_M, south - (RINGS + 1) * SQUARE_M
-    cols, rows = int((east - west) / SQUARE_M) + RINGS + 2, int((north - south) / SQUARE_M) + RINGS + 2
+    west, south = west - (RINGS + 1) * square_m, south - (RINGS + 1) * square_m
+    cols, rows = int((east - west) / square_m) + RINGS + 2, int((north - south) / square_m) + RINGS + 2
     at, starts = np.full(len(records), -1, np.int64), np.zeros(rows * cols + 1, np.int64)
     for i in range(len(records)):
-        if records[i, BAND] == NO_BAND:
+        if not chosen[i]:
             continue
-        x = int(np.floor((records[i, EAST] - west) / SQUARE_M))
-        y = int(np.floor((records[i, NORTH] - south) / SQUARE_M))
+        x = int(np.floor((records[i, EAST] - west) / square_m))
+        y = int(np.floor((records[i, NORTH] - south) / square_m))
         if 0 <= x < cols and 0 <= y < rows:
             at[i] = y * cols + x
             starts[at[i] + 1] += 1
@@ -115,7 +124,8 @@ def add_others(records: Array2D[np.float64], new: Array1D[np.int64], reaches_m: 
     """
     if not len(new):
         return
-    order, places, at, starts, cols = _sorted_by_square(records, new)
+    chosen = records[:, BAND] != NO_BAND
+    order, places, at, starts, cols = sorted_by_square(records, chosen, new, SQUARE_M)
     is_new = np.zeros(len(records), np.bool_)
     is_new[new] = True
     for n in range(len(new)):
