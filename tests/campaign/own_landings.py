@@ -150,7 +150,7 @@ class Crowd:
 
 
 class Session:
-    """Landings of one simulated vehicle, one after the other; `places` are those to come."""
+    """Landings of one simulated vehicle, one after the other; `to_come` are causes and places left."""
 
     def __init__(
         self,

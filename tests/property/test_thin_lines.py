@@ -88,10 +88,10 @@ def test_a_row_of_things_of_many_returns_is_no_line() -> None:
     assert not len(follow_lines(records_of(np.vstack(knobs)), NO_LINES))
 
 
-def test_dust_makes_fewer_than_one_line_in_a_thousand_specks() -> None:
+def test_dust_makes_about_one_line_of_ten_thousand_specks() -> None:
     rng = np.random.default_rng(6)
     found = [follow_lines(records_of(clutter(100, rng)), NO_LINES) for _ in range(100)]
-    assert sum(map(len, found)) <= 10
+    assert sum(map(len, found)) <= 3
 
 
 def test_order_shift_and_heading_do_not_matter() -> None:

@@ -148,7 +148,7 @@ READ = [
 
 
 def in_turn(*several: Iterable[Any]) -> list[tuple[Any, ...]]:
-    """Return all combinations, with one of both places in turn, so that each value meets both."""
+    """Return all combinations, each at one of the two places of `MESSAGES`, in turn."""
     return [(*one, list(MESSAGES)[k % 2]) for k, one in enumerate(product(*several))]
 
 
